@@ -1,0 +1,23 @@
+from setuptools import find_packages, setup
+
+package_name = "hardware_bridge"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    description="Servo-board codecs, transport, safety supervisor, recorder and the virtual prototype of the six-strut tensegrity.",
+    license="Apache-2.0",
+    maintainer="sixstrut maintainers",
+    maintainer_email="maintainers@sixstrut.example",
+    packages=find_packages(),
+    package_data={package_name: ["**/*.yaml", "py.typed"]},
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    entry_points={
+        "console_scripts": ["virtual_prototype = hardware_bridge.virtual_prototype.__main__:main"],
+    },
+)

@@ -1,0 +1,20 @@
+from setuptools import find_packages, setup
+
+package_name = "sixstrut_cli"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    description="The sixstrut command line.",
+    license="Apache-2.0",
+    maintainer="sixstrut maintainers",
+    maintainer_email="maintainers@sixstrut.example",
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    entry_points={"console_scripts": ["sixstrut = sixstrut_cli.__main__:main"]},
+)

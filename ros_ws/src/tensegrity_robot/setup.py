@@ -1,0 +1,33 @@
+from glob import glob
+
+from setuptools import find_packages, setup
+
+package_name = "tensegrity_robot"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    description="ROS 2 nodes of the six-strut rolling tensegrity: twin, gait planner, hardware bridge.",
+    license="Apache-2.0",
+    maintainer="sixstrut maintainers",
+    maintainer_email="maintainers@sixstrut.example",
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+        (f"share/{package_name}/launch", sorted(glob("launch/*.launch.py"))),
+        (f"share/{package_name}/config", sorted(glob("config/*.yaml"))),
+        (f"share/{package_name}/rviz", sorted(glob("rviz/*"))),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+    entry_points={
+        "console_scripts": [
+            "twin = tensegrity_robot.twin_node:main",
+            "gait_planner = tensegrity_robot.gait_planner_node:main",
+            "hardware_bridge = tensegrity_robot.hardware_bridge_node:main",
+            # hardware_bridge's own executable, so that one package name starts every process of a session
+            "virtual_prototype = hardware_bridge.virtual_prototype.__main__:main",
+        ],
+    },
+)
