@@ -1,0 +1,54 @@
+"""Errors of the robot model. Each says what was got, what is valid and what to do."""
+
+from __future__ import annotations
+
+
+class SimError(Exception):
+    """Base of every error raised by sim_core."""
+
+
+class UnknownFaceError(SimError):
+    """A face name that the robot does not have."""
+
+    def __init__(self, face: object):
+        self.face = face
+        super().__init__(f"unknown face {face!r}: valid are TC1..TC8 (closed triangles) and TO1..TO12 (open triangles)")
+
+
+class NotAdjacentError(SimError):
+    """Two faces that share no tendon edge, so that no single roll joins them."""
+
+    def __init__(self, source: str, target: str, neighbours: tuple[str, ...]):
+        self.source, self.target, self.neighbours = source, target, neighbours
+        super().__init__(f"{target} is not adjacent to {source}: one roll from {source} reaches {', '.join(neighbours)}")
+
+
+class PolicyError(SimError):
+    """A policy that is not six whole-millimetre strokes inside the bound."""
+
+
+class ParameterError(SimError):
+    """A prototype file that cannot be read or holds an impossible value."""
+
+
+class ModelError(SimError):
+    """A model that cannot be built or would not be stable."""
+
+
+class UnstableStepError(ModelError):
+    """The time step is beyond the stability limit of the model."""
+
+    def __init__(self, step_s: float, limit_s: float, valid_steps_per_second: int):
+        self.step_s, self.limit_s = step_s, limit_s
+        super().__init__(
+            f"time step {step_s:.3e} s is not stable: the model's limit is {limit_s:.3e} s "
+            f"(shortest struts, all contacts closed); use steps_per_second >= {valid_steps_per_second}"
+        )
+
+
+class DivergedError(SimError):
+    """A run produced a value that is not finite."""
+
+
+class LibraryError(SimError):
+    """A primitive library that cannot be read, or belongs to another model."""

@@ -1,0 +1,380 @@
+"""The VFIFE step: particles joined by massless beams and cables, rigid joints, Coulomb contact, explicit leapfrog.
+
+Everything about one robot is two flat rows of numbers, `state` (changes) and `par` (does not), cut up by `Layout`; the topology is
+small integer tables. A step is
+
+1. struts drive their rest lengths towards their targets at constant speed,
+2. forces: beams, cables, contacts, gravity,
+3. half-step velocities and spatial spins, then positions and orientations.
+
+Formulas (symbols as in docs/model.md):
+
+* beam: elastic potential U = EA/2l0 (l − l0)² + EI/l0 · 2(θ1·θ1 + θ1·θ2 + θ2·θ2) + GJ/2l0 φ² with θi = e × aᵢ, the small rotation from the chord e
+  to the end's axis aᵢ, and φ the twist; forces and moments are its exact derivatives, so a free body keeps energy, momentum and
+  angular momentum. To first order they are mᵢ = (EI/l0)(4θᵢ + 2θⱼ) ± (GJ/l0) φ e and f₂ = N e + e × (m₁ + m₂)/l.
+* cable: max(0, k (l − l0)) between slave points of two rigid bodies.
+* contact: N = max(0, k_n δ − c_n v_n); a tangential spring-damper sticks while |F_t| ≤ μ_s N, then slides with μ_k N until the
+  spring-damper's own force falls below that.
+* rotation: spatial spin s advanced by the moment; ω = R I⁻¹ Rᵀ s at mid-step; orientation by the Cayley map (order 2, no trigonometry).
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from sim_core.lanes import any_of, larger, root, select, smaller
+
+# Rows of one particle in `state`: position, half-step velocity, orientation quaternion (w x y z), half-step spatial spin.
+X, V, Q, S, PARTICLE_ROWS = 0, 3, 6, 10, 13
+# Rows of one particle in `par`: Δt/mass, 1/inertia about its own axes, weight (force of gravity).
+DT_M, INV_I, WEIGHT, PARTICLE_PAR = 0, 1, 4, 7
+# Rows of one strut in `state`: rest length, target rest length, largest axial force (magnitude) since it was last zeroed, axial force now.
+REST, TARGET, PEAK, AXIAL, STRUT_ROWS = 0, 1, 2, 3, 4
+# Rows of one strut in `par`: largest change of rest length in a step.
+STRUT_PAR = 1
+# Rows of one beam in `par`: EA, EI, GJ, its share of the strut's rest length.
+EA, EI, GJ, SHARE, BEAM_PAR = 0, 1, 2, 3, 4
+# Rows of one cable in `par`: stiffness, rest length, slave points in the two bodies' frames.
+K, L0, R1, R2, CABLE_PAR = 0, 1, 2, 5, 8
+# Rows of one contact point in `state`: tangential spring stretch, 1 while sliding. In `par`: the point in its joint's frame.
+U, SLIDING, CONTACT_ROWS, CONTACT_PAR = 0, 2, 3, 3
+# Rows of the ground in `par`.
+KN, CN, KT, CT, MU_S, MU_K, GROUND_PAR = 0, 1, 2, 3, 4, 5, 6
+# Rows of one particle in `work`: rotation matrix (row-major), force, moment, normal ground force.
+R, F, M, NORMAL, WORK_ROWS = 0, 9, 12, 15, 16
+
+JOINTS = 12
+POINTS_PER_JOINT = 5
+CONTACTS = JOINTS * POINTS_PER_JOINT
+
+
+class Topology(NamedTuple):
+    """Which particles each element joins.
+
+    Attributes:
+        beams: int32 (n_beams, 3): particle 1, particle 2, strut.
+        cables: int32 (n_cables, 2): particle 1, particle 2. The first 24 are the tendons, the next 24 the box's ropes.
+        particles: number of particles: twelve joints, the struts' inner particles, the box last.
+    """
+
+    beams: NDArray[np.int32]
+    cables: NDArray[np.int32]
+    particles: int
+
+
+class Layout(NamedTuple):
+    """First row of each table in `state` and `par`."""
+
+    struts: int
+    contacts: int
+    state_rows: int
+    par_struts: int
+    par_beams: int
+    par_cables: int
+    par_contacts: int
+    par_ground: int
+    par_rows: int
+
+
+@njit(cache=True)
+def layout(particles, n_beams, n_cables):
+    """Layout for the given counts (six struts, sixty contact points)."""
+    struts = particles * PARTICLE_ROWS
+    contacts = struts + 6 * STRUT_ROWS
+    state_rows = contacts + CONTACTS * CONTACT_ROWS
+    par_struts = particles * PARTICLE_PAR
+    par_beams = par_struts + 6 * STRUT_PAR
+    par_cables = par_beams + n_beams * BEAM_PAR
+    par_contacts = par_cables + n_cables * CABLE_PAR
+    par_ground = par_contacts + CONTACTS * CONTACT_PAR
+    return Layout(
+        struts,
+        contacts,
+        state_rows,
+        par_struts,
+        par_beams,
+        par_cables,
+        par_contacts,
+        par_ground,
+        par_ground + GROUND_PAR,
+    )
+
+
+@njit(cache=True)
+def _cross(ax, ay, az, bx, by, bz):
+    return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+
+
+@njit(cache=True)
+def _rotated(work, w, x, y, z):
+    """R (x, y, z) with the rotation matrix at row `w`."""
+    return (
+        work[w] * x + work[w + 1] * y + work[w + 2] * z,
+        work[w + 3] * x + work[w + 4] * y + work[w + 5] * z,
+        work[w + 6] * x + work[w + 7] * y + work[w + 8] * z,
+    )
+
+
+@njit(cache=True)
+def _push(work, w, fx, fy, fz, mx, my, mz):
+    """Add a force and a moment to the particle whose work rows start at `w`."""
+    work[w + F] += fx
+    work[w + F + 1] += fy
+    work[w + F + 2] += fz
+    work[w + M] += mx
+    work[w + M + 1] += my
+    work[w + M + 2] += mz
+
+
+@njit(cache=True)
+def _matrix(qw, qx, qy, qz):
+    """Rotation matrix of a unit quaternion, row-major."""
+    return (
+        1.0 - 2.0 * (qy * qy + qz * qz),
+        2.0 * (qx * qy - qw * qz),
+        2.0 * (qx * qz + qw * qy),
+        2.0 * (qx * qy + qw * qz),
+        1.0 - 2.0 * (qx * qx + qz * qz),
+        2.0 * (qy * qz - qw * qx),
+        2.0 * (qx * qz - qw * qy),
+        2.0 * (qy * qz + qw * qx),
+        1.0 - 2.0 * (qx * qx + qy * qy),
+    )
+
+
+@njit(cache=True)
+def _beam(state, par, work, p1, p2, rest, b):
+    """Forces of one beam; returns its axial force (tension positive)."""
+    x1, x2 = p1 * PARTICLE_ROWS + X, p2 * PARTICLE_ROWS + X
+    w1, w2 = p1 * WORK_ROWS, p2 * WORK_ROWS
+    ex, ey, ez = state[x2] - state[x1], state[x2 + 1] - state[x1 + 1], state[x2 + 2] - state[x1 + 2]
+    length = root(ex * ex + ey * ey + ez * ez)
+    ex, ey, ez = ex / length, ey / length, ez / length
+    # section axes of both ends: a along the strut, b and c across it
+    a1x, a1y, a1z = work[w1 + R], work[w1 + R + 3], work[w1 + R + 6]
+    b1x, b1y, b1z = work[w1 + R + 1], work[w1 + R + 4], work[w1 + R + 7]
+    c1x, c1y, c1z = work[w1 + R + 2], work[w1 + R + 5], work[w1 + R + 8]
+    a2x, a2y, a2z = work[w2 + R], work[w2 + R + 3], work[w2 + R + 6]
+    b2x, b2y, b2z = work[w2 + R + 1], work[w2 + R + 4], work[w2 + R + 7]
+    c2x, c2y, c2z = work[w2 + R + 2], work[w2 + R + 5], work[w2 + R + 8]
+    axial = par[b + EA] * (length - rest) / rest
+    bend = 2.0 * par[b + EI] / rest
+    # dU/dθi
+    t1x, t1y, t1z = _cross(ex, ey, ez, a1x, a1y, a1z)
+    t2x, t2y, t2z = _cross(ex, ey, ez, a2x, a2y, a2z)
+    m1x, m1y, m1z = bend * (2.0 * t1x + t2x), bend * (2.0 * t1y + t2y), bend * (2.0 * t1z + t2z)
+    m2x, m2y, m2z = bend * (2.0 * t2x + t1x), bend * (2.0 * t2y + t1y), bend * (2.0 * t2z + t1z)
+    # force on end 2: N e + (1 − e eᵀ) Σ aᵢ × mᵢ / l, negated derivative of U with respect to its position
+    g1x, g1y, g1z = _cross(a1x, a1y, a1z, m1x, m1y, m1z)
+    g2x, g2y, g2z = _cross(a2x, a2y, a2z, m2x, m2y, m2z)
+    gx, gy, gz = g1x + g2x, g1y + g2y, g1z + g2z
+    along = ex * gx + ey * gy + ez * gz
+    fx = axial * ex + (gx - along * ex) / length
+    fy = axial * ey + (gy - along * ey) / length
+    fz = axial * ez + (gz - along * ez) / length
+    # moment that end i feels: −[(e·aᵢ) mᵢ − (aᵢ·mᵢ) e], and the twist's share
+    twist = (
+        0.25
+        * par[b + GJ]
+        / rest
+        * (b2x * c1x + b2y * c1y + b2z * c1z - c2x * b1x - c2y * b1y - c2z * b1z)
+    )
+    h1x, h1y, h1z = _cross(b2x, b2y, b2z, c1x, c1y, c1z)
+    h2x, h2y, h2z = _cross(b1x, b1y, b1z, c2x, c2y, c2z)
+    hx, hy, hz = twist * (h1x + h2x), twist * (h1y + h2y), twist * (h1z + h2z)
+    d1 = ex * a1x + ey * a1y + ez * a1z
+    d2 = ex * a2x + ey * a2y + ez * a2z
+    n1 = a1x * m1x + a1y * m1y + a1z * m1z
+    n2 = a2x * m2x + a2y * m2y + a2z * m2z
+    _push(work, w1, fx, fy, fz, hx - d1 * m1x + n1 * ex, hy - d1 * m1y + n1 * ey, hz - d1 * m1z + n1 * ez)
+    _push(work, w2, -fx, -fy, -fz, -hx - d2 * m2x + n2 * ex, -hy - d2 * m2y + n2 * ey, -hz - d2 * m2z + n2 * ez)
+    return axial
+
+
+@njit(cache=True)
+def _cable(state, par, work, p1, p2, c):
+    """Forces of one cable between slave points of two rigid bodies."""
+    x1, x2 = p1 * PARTICLE_ROWS + X, p2 * PARTICLE_ROWS + X
+    w1, w2 = p1 * WORK_ROWS, p2 * WORK_ROWS
+    r1x, r1y, r1z = _rotated(work, w1, par[c + R1], par[c + R1 + 1], par[c + R1 + 2])
+    r2x, r2y, r2z = _rotated(work, w2, par[c + R2], par[c + R2 + 1], par[c + R2 + 2])
+    dx = state[x2] + r2x - state[x1] - r1x
+    dy = state[x2 + 1] + r2y - state[x1 + 1] - r1y
+    dz = state[x2 + 2] + r2z - state[x1 + 2] - r1z
+    length = root(dx * dx + dy * dy + dz * dz)
+    pull = larger(0.0, par[c + K] * (length - par[c + L0])) / length
+    fx, fy, fz = pull * dx, pull * dy, pull * dz
+    m1x, m1y, m1z = _cross(r1x, r1y, r1z, fx, fy, fz)
+    m2x, m2y, m2z = _cross(r2x, r2y, r2z, fx, fy, fz)
+    _push(work, w1, fx, fy, fz, m1x, m1y, m1z)
+    _push(work, w2, -fx, -fy, -fz, -m2x, -m2y, -m2z)
+
+
+@njit(cache=True)
+def _contact(state, par, work, p, wx, wy, wz, point, row, ground, dt):
+    """Forces of the ground on one contact point of joint `p`, which turns with (wx, wy, wz)."""
+    x, w = p * PARTICLE_ROWS, p * WORK_ROWS
+    rx, ry, rz = _rotated(work, w, par[point], par[point + 1], par[point + 2])
+    height = state[x + X + 2] + rz
+    vx, vy, vz = _cross(wx, wy, wz, rx, ry, rz)
+    vx, vy, vz = vx + state[x + V], vy + state[x + V + 1], vz + state[x + V + 2]
+    normal = larger(0.0, -par[ground + KN] * height - par[ground + CN] * vz)
+    normal = select(height < 0.0, normal, 0.0)
+    stiffness, damping = par[ground + KT], par[ground + CT]
+    # trial force of the tangential spring-damper
+    ux, uy = state[row + U] + dt * vx, state[row + U + 1] + dt * vy
+    tx, ty = -stiffness * ux - damping * vx, -stiffness * uy - damping * vy
+    trial = root(tx * tx + ty * ty)
+    sliding = state[row + SLIDING]
+    limit = select(sliding > 0.5, par[ground + MU_K], par[ground + MU_S]) * normal
+    slides = trial > limit
+    scale = select(slides, par[ground + MU_K] * normal / larger(trial, 1e-30), 1.0)
+    tx, ty = scale * tx, scale * ty
+    touching = normal > 0.0
+    # a sliding spring is kept at the stretch that carries its force, so that it sticks again without a jump
+    state[row + U] = select(touching, select(slides, -(tx + damping * vx) / stiffness, ux), 0.0)
+    state[row + U + 1] = select(touching, select(slides, -(ty + damping * vy) / stiffness, uy), 0.0)
+    state[row + SLIDING] = select(touching, select(slides, 1.0, 0.0), 0.0)
+    tx, ty = select(touching, tx, 0.0), select(touching, ty, 0.0)
+    # the point pressed onto the plane carries the force
+    mx, my, mz = _cross(rx, ry, rz, tx, ty, normal)
+    _push(work, w, tx, ty, normal, mx, my, mz)
+    work[w + NORMAL] += normal
+
+
+@njit(cache=True)
+def _spin_to_turn(par, work, p, sx, sy, sz):
+    """ω = R I⁻¹ Rᵀ s with the rotation matrix in `work`."""
+    w, i = p * WORK_ROWS, p * PARTICLE_PAR + INV_I
+    bx = (work[w] * sx + work[w + 3] * sy + work[w + 6] * sz) * par[i]
+    by = (work[w + 1] * sx + work[w + 4] * sy + work[w + 7] * sz) * par[i + 1]
+    bz = (work[w + 2] * sx + work[w + 5] * sy + work[w + 8] * sz) * par[i + 2]
+    return _rotated(work, w, bx, by, bz)
+
+
+@njit(cache=True)
+def _drive(state, par, struts, par_struts):
+    """Every strut moves its rest length towards its target, at most its speed × Δt, and stops there."""
+    for s in range(6):
+        row = struts + s * STRUT_ROWS
+        most = par[par_struts + s * STRUT_PAR]
+        gap = state[row + TARGET] - state[row + REST]
+        state[row + REST] = select(
+            smaller(gap, -gap) >= -most, state[row + TARGET], state[row + REST] + select(gap > 0.0, most, -most)
+        )
+
+
+@njit(cache=True)
+def forces(state, par, work, topology, dt, reach):
+    """Write rotation matrices, forces and moments of every particle into `work`; update friction and axial forces in `state`.
+
+    Args:
+        reach: no contact point of a joint is farther than this from the joint (m); joints higher than it are skipped.
+    """
+    beams, cables, particles = topology
+    lay = layout(particles, beams.shape[0], cables.shape[0])
+    for p in range(particles):
+        x, w = p * PARTICLE_ROWS, p * WORK_ROWS
+        (
+            work[w],
+            work[w + 1],
+            work[w + 2],
+            work[w + 3],
+            work[w + 4],
+            work[w + 5],
+            work[w + 6],
+            work[w + 7],
+            work[w + 8],
+        ) = _matrix(state[x + Q], state[x + Q + 1], state[x + Q + 2], state[x + Q + 3])
+        for axis in range(3):
+            work[w + F + axis] = par[p * PARTICLE_PAR + WEIGHT + axis]
+            work[w + M + axis] = 0.0 * par[p * PARTICLE_PAR]
+        work[w + NORMAL] = 0.0 * par[p * PARTICLE_PAR]
+    for b in range(beams.shape[0]):
+        strut = lay.struts + beams[b, 2] * STRUT_ROWS
+        row = lay.par_beams + b * BEAM_PAR
+        axial = _beam(state, par, work, beams[b, 0], beams[b, 1], state[strut + REST] * par[row + SHARE], row)
+        state[strut + AXIAL] = axial
+        state[strut + PEAK] = larger(state[strut + PEAK], larger(axial, -axial))
+    for c in range(cables.shape[0]):
+        _cable(state, par, work, cables[c, 0], cables[c, 1], lay.par_cables + c * CABLE_PAR)
+    for p in range(JOINTS):
+        x = p * PARTICLE_ROWS
+        if any_of(state[x + X + 2] < reach):
+            wx, wy, wz = _spin_to_turn(par, work, p, state[x + S], state[x + S + 1], state[x + S + 2])
+            for k in range(POINTS_PER_JOINT):
+                point = p * POINTS_PER_JOINT + k
+                _contact(
+                    state,
+                    par,
+                    work,
+                    p,
+                    wx,
+                    wy,
+                    wz,
+                    lay.par_contacts + point * CONTACT_PAR,
+                    lay.contacts + point * CONTACT_ROWS,
+                    lay.par_ground,
+                    dt,
+                )
+
+
+@njit(cache=True)
+def _integrate(state, par, work, particles, dt, zeta):
+    """Half-step velocities and spins from the forces, then positions and orientations (central difference, leapfrog form)."""
+    gain = 1.0 / (1.0 + 0.5 * zeta * dt)
+    keep = (1.0 - 0.5 * zeta * dt) * gain
+    for p in range(particles):
+        x, w = p * PARTICLE_ROWS, p * WORK_ROWS
+        push = par[p * PARTICLE_PAR + DT_M] * gain
+        for axis in range(3):
+            velocity = keep * state[x + V + axis] + push * work[w + F + axis]
+            state[x + V + axis] = velocity
+            state[x + X + axis] += dt * velocity
+            state[x + S + axis] = keep * state[x + S + axis] + gain * dt * work[w + M + axis]
+        sx, sy, sz = state[x + S], state[x + S + 1], state[x + S + 2]
+        qw, qx, qy, qz = state[x + Q], state[x + Q + 1], state[x + Q + 2], state[x + Q + 3]
+        # ω with R at mid-step: half a step with the ω of now, then the full step with that ω
+        wx, wy, wz = _spin_to_turn(par, work, p, sx, sy, sz)
+        hw, hx, hy, hz = _turned(qw, qx, qy, qz, wx, wy, wz, 0.25 * dt)
+        (
+            work[w],
+            work[w + 1],
+            work[w + 2],
+            work[w + 3],
+            work[w + 4],
+            work[w + 5],
+            work[w + 6],
+            work[w + 7],
+            work[w + 8],
+        ) = _matrix(hw, hx, hy, hz)
+        wx, wy, wz = _spin_to_turn(par, work, p, sx, sy, sz)
+        state[x + Q], state[x + Q + 1], state[x + Q + 2], state[x + Q + 3] = _turned(
+            qw, qx, qy, qz, wx, wy, wz, 0.5 * dt
+        )
+
+
+@njit(cache=True)
+def _turned(qw, qx, qy, qz, wx, wy, wz, half):
+    """The quaternion turned by the spatial angular velocity for 2·half seconds: Cayley map, normalised."""
+    ax, ay, az = half * wx, half * wy, half * wz
+    nw = qw - ax * qx - ay * qy - az * qz
+    nx = qx + ax * qw + ay * qz - az * qy
+    ny = qy + ay * qw + az * qx - ax * qz
+    nz = qz + az * qw + ax * qy - ay * qx
+    scale = 1.0 / root(nw * nw + nx * nx + ny * ny + nz * nz)
+    return nw * scale, nx * scale, ny * scale, nz * scale
+
+
+@njit(cache=True)
+def advance(state, par, work, topology, dt, zeta, reach, steps):
+    """Take `steps` steps of `dt` seconds in place."""
+    lay = layout(topology.particles, topology.beams.shape[0], topology.cables.shape[0])
+    for _ in range(steps):
+        _drive(state, par, lay.struts, lay.par_struts)
+        forces(state, par, work, topology, dt, reach)
+        _integrate(state, par, work, topology.particles, dt, zeta)
