@@ -1,0 +1,127 @@
+"""Behind ./sixstrut: sets the checkout up if that is not done yet, then becomes the command that was asked for.
+
+    ./sixstrut COMMAND …   set up if needed, then run the command
+    ./sixstrut setup       only set up
+    ./sixstrut env         set up if needed, then print the environment for a shell: eval "$(./sixstrut env)"
+    ./sixstrut clean       remove what set-up made
+
+Standard library only. Exit codes of its own: 2 wrong usage, 3 this machine or the network stands in the way of set-up,
+130 interrupted.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import FrameType
+from typing import NoReturn
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path[:0] = [str(ROOT), str(ROOT / "ros_ws" / "src" / "sixstrut_cli")]
+
+from sixstrut_cli import registry  # noqa: E402
+from tooling import environment, machine, packages, workspace  # noqa: E402
+from tooling.exclusive import exclusive  # noqa: E402
+from tooling.layout import Layout, SetupError  # noqa: E402
+from tooling.process import Runner  # noqa: E402
+from tooling.progress import Progress  # noqa: E402
+
+EXIT_USAGE = 2
+EXIT_SETUP = 3
+EXIT_INTERRUPTED = 130
+
+
+def main(arguments: Sequence[str]) -> int:
+    layout = Layout(ROOT)
+    try:
+        return _dispatch(layout, arguments)
+    except SetupError as error:
+        print(f"sixstrut: {error}", file=sys.stderr)
+        return EXIT_SETUP
+    except KeyboardInterrupt:
+        print("\nsixstrut: interrupted; the next run goes on from here", file=sys.stderr)
+        return EXIT_INTERRUPTED
+
+
+def _dispatch(layout: Layout, arguments: Sequence[str]) -> int:
+    name = next((a for a in arguments if not a.startswith("-")), None)
+    wants_help = name is None or any(a in ("--help", "-h") for a in arguments)
+    if wants_help and (name in registry.SETUP_COMMANDS or not _ready(layout)):
+        print(registry.static_help(name))
+        return 0
+    if name is not None and name not in registry.names():
+        print(f"sixstrut: no command {name!r}; there are: {', '.join(registry.names())}", file=sys.stderr)
+        return EXIT_USAGE
+    if name in registry.SETUP_COMMANDS and len(arguments) > 1:
+        print(f"sixstrut: {name} takes no options", file=sys.stderr)
+        return EXIT_USAGE
+    if name == "clean":
+        return _clean(layout)
+    set_up(layout)
+    if name == "env":
+        print(environment.exports(environment.overlay(os.environ, layout, workspace.paths(layout))))
+        return 0
+    if name == "setup":
+        print(f"ready: {layout.venv} and {layout.install}")
+        return 0
+    _become(layout, arguments)
+
+
+def _ready(layout: Layout) -> bool:
+    return packages.ready(layout) and workspace.ready(layout)
+
+
+def set_up(layout: Layout) -> None:
+    """Does what is not done yet. Each of the two results bears a stamp, written last, of all that it depends on."""
+    if _ready(layout):
+        return
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        if signal.getsignal(number) is signal.SIG_DFL:  # leave `nohup` its way
+            signal.signal(number, _exit_on_signal)
+    with exclusive(layout.state / "lock") as lock:
+        todo_packages = not packages.ready(layout)
+        todo_workspace = todo_packages or not workspace.ready(layout)
+        if not todo_workspace:
+            return  # the one we waited for has done it
+        machine.check(layout.root, os.environ, needs_disk=todo_packages)
+        layout.log.write_text("", encoding="utf-8")
+        progress = Progress(packages.STEPS * todo_packages + workspace.STEPS)
+        runner = Runner(layout.log, lock, progress)
+        if todo_packages:
+            packages.install(layout, runner, os.environ)
+        workspace.build(layout, runner, os.environ)
+        layout.chosen_python.write_text(f"{sys.executable}\n", encoding="utf-8")
+
+
+def _exit_on_signal(number: int, frame: FrameType | None) -> None:
+    """So that the running step is ended too, instead of left behind."""
+    sys.exit(128 + number)
+
+
+def _become(layout: Layout, arguments: Sequence[str]) -> NoReturn:
+    """Replaces this process, so that signals and the exit code are the command's own."""
+    environ = environment.applied(os.environ, environment.for_command(os.environ, layout, workspace.paths(layout)))
+    python = str(layout.venv_python)
+    # -P: the folder that the user happens to be in is no place to import from.
+    os.execve(python, [python, "-P", "-m", "sixstrut_cli", *arguments], environ)
+
+
+def _clean(layout: Layout) -> int:
+    with exclusive(layout.state / "lock"):
+        if workspace.made_by_us(layout):
+            workspace.remove(layout)
+        if packages.made_by_us(layout):
+            packages.remove(layout)
+        shutil.rmtree(layout.state)
+    left = [path for path in (layout.venv, layout.install) if path.exists()]
+    for path in left:
+        print(f"sixstrut: left alone, as ./sixstrut did not make it: {path}", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

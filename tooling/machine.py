@@ -1,0 +1,75 @@
+"""Is this machine one that the packages run on? Every problem is named with its remedy, all at once."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from tooling.layout import SetupError
+
+OLDEST_GLIBC = (2, 28)  # the ROS wheels are manylinux_2_28
+DISK_NEEDED_BYTES = 2_000_000_000  # .venv takes 1.0 GB, pip's downloads and the build the rest
+
+_PLATFORM_REMEDY = "use an x86-64 Linux machine (a virtual machine or container will do), or ROS 2 Jazzy with colcon"
+
+
+def platform_problems() -> list[str]:
+    system, machine = platform.system(), platform.machine()
+    if system != "Linux" or machine not in ("x86_64", "amd64"):
+        return [f"the ROS 2 wheels exist for Linux on x86-64 only, this is {system} on {machine}: {_PLATFORM_REMEDY}"]
+    name, _, version = (_libc() or "no glibc").partition(" ")
+    if name != "glibc" or tuple(int(part) for part in version.split(".")[:2]) < OLDEST_GLIBC:
+        wanted = ".".join(map(str, OLDEST_GLIBC))
+        return [f"needs glibc {wanted} or newer, found {name} {version}: {_PLATFORM_REMEDY}"]
+    return []
+
+
+def _libc() -> str | None:
+    try:
+        return os.confstr("CS_GNU_LIBC_VERSION")
+    except (ValueError, OSError):  # musl knows no such name
+        return None
+
+
+def compiler_problems(environ: Mapping[str, str]) -> list[str]:
+    """The message package is C and C++; CMake itself comes as a wheel, make does not."""
+    path = environ.get("PATH")
+    wanted = {
+        "a C compiler (cc, gcc or clang)": environ.get("CC", "cc gcc clang"),
+        "a C++ compiler (c++, g++ or clang++)": environ.get("CXX", "c++ g++ clang++"),
+        "make": "make gmake",
+    }
+    missing = [
+        what for what, names in wanted.items() if not any(shutil.which(name, path=path) for name in names.split())
+    ]
+    if not missing:
+        return []
+    return [f"lacks {' and '.join(missing)}: on Debian or Ubuntu, sudo apt install build-essential"]
+
+
+def disk_problems(root: Path) -> list[str]:
+    free = shutil.disk_usage(root).free
+    if free >= DISK_NEEDED_BYTES:
+        return []
+    return [f"{free / 1e9:.1f} GB free under {root}, set-up needs {DISK_NEEDED_BYTES / 1e9:.0f} GB: make room"]
+
+
+def path_problems(root: Path) -> list[str]:
+    """CMake files and script headers of the ROS tools are written without quotes."""
+    if any(c.isspace() or c in ":;$\"'\\" for c in str(root)):
+        return [
+            f"the path {str(root)!r} holds a space or another character that ROS's build tools cannot take: move it"
+        ]
+    return []
+
+
+def check(root: Path, environ: Mapping[str, str], *, needs_disk: bool) -> None:
+    """Raises SetupError naming everything that would stop set-up later."""
+    problems = platform_problems() + path_problems(root) + compiler_problems(environ)
+    if needs_disk:
+        problems += disk_problems(root)
+    if problems:
+        raise SetupError("\n".join(problems))

@@ -1,0 +1,160 @@
+"""The virtual environment: Python packages and the ROS 2 wheels, exactly those of requirements.lock."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import sysconfig
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+from tooling import cmake_exports, stamps
+from tooling.layout import Layout, SetupError
+from tooling.process import Runner
+from tooling.progress import Progress
+from tooling.requirements import Requirement, read_lock
+
+STEPS = 3  # that `install` takes
+BUILT_FROM_SOURCE = ("empy",)  # pure Python, published without a wheel
+
+
+def _stamp_file(layout: Layout) -> Path:
+    return layout.venv / "sixstrut.stamp"
+
+
+def made_by_us(layout: Layout) -> bool:
+    """The stamp file exists from the first moment on: empty while the environment is incomplete."""
+    return _stamp_file(layout).exists()
+
+
+def ready(layout: Layout) -> bool:
+    try:
+        stamp = _stamp_file(layout).read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return False
+    return stamp == stamps.packages_stamp(layout) and os.access(layout.venv_python, os.X_OK)
+
+
+def needed(layout: Layout) -> list[Requirement]:
+    """The lock's requirements that hold for the running interpreter."""
+    return [r for r in read_lock(layout.lock) if r.holds_for(sys.version_info[:2])]
+
+
+def install(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
+    """Makes the environment from nothing: what an interrupted or older set-up left is removed first."""
+    environ = _clean(environ)
+    progress = runner.progress
+    with progress.step(f"making .venv with Python {sys.version.split()[0]}"):
+        _make(layout, runner, environ)
+    requirements = needed(layout)
+    with progress.step(f"installing {len(requirements)} packages"):
+        _pip(layout, requirements, runner, environ)
+    with progress.step("repairing the CMake files of the ROS wheels"):
+        numpy_include = _ask(layout, "import numpy; print(numpy.get_include())")
+        count = cmake_exports.repair(layout.venv, sysconfig.get_path("include"), numpy_include)
+        progress.result(f"{count} files")
+    stamp = _stamp_file(layout)
+    stamp.with_suffix(".new").write_text(stamps.packages_stamp(layout), encoding="utf-8")
+    stamp.with_suffix(".new").replace(stamp)
+
+
+def remove(layout: Layout) -> None:
+    """Removes .venv. The stamp goes last, so that a removal cut short is still known as ours."""
+    if not layout.venv.exists():
+        return
+    for path in layout.venv.iterdir():
+        if path == _stamp_file(layout):
+            path.write_text("", encoding="utf-8")
+        elif path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        else:
+            path.unlink()
+    shutil.rmtree(layout.venv)
+
+
+def _make(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
+    if layout.venv.exists() and not made_by_us(layout):
+        raise SetupError(f"{layout.venv} exists and was not made by ./sixstrut: move it away and run this again")
+    remove(layout)
+    layout.venv.mkdir()
+    _stamp_file(layout).touch()
+    command = [sys.executable, "-m", "venv", str(layout.venv)]
+    runner.run("making the virtual environment", command, cwd=layout.root, environ=environ)
+
+
+def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, environ: Mapping[str, str]) -> None:
+    """Two runs: first setuptools, which builds the one package that has no wheel. So pip fetches no build tools of its
+    own choice, and nothing is ever run that was not checked against the lock."""
+    command = [str(layout.venv_python), "-m", "pip", "install", "--require-hashes", "--no-build-isolation"]
+    command += ["--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}"]
+    command += ["--no-input", "--disable-pip-version-check", "--progress-bar=off"]
+    site_packages = Path(sysconfig.get_path("purelib", vars={"base": str(layout.venv)}))
+    counter = _Counter(len(requirements), site_packages, runner.progress)
+    build_tools = [r for r in requirements if r.name == "setuptools"]
+    with tempfile.TemporaryDirectory() as folder:
+        for name, part in ("build-tools", build_tools), ("all", requirements):
+            file = Path(folder) / f"{name}.txt"
+            file.write_text("".join(f"{r.text}\n" for r in part), encoding="utf-8")
+            counter.restart()
+            try:
+                runner.run(
+                    "installing packages",
+                    [*command, "-r", str(file)],
+                    cwd=layout.root,
+                    environ=environ,
+                    on_line=counter.line,
+                    on_tick=counter.tick,
+                )
+            except SetupError as error:
+                hint = "If the network failed, run this again; pip's own settings (proxy, index) are respected."
+                raise SetupError(f"{error}\n{hint}") from None
+    runner.progress.result(f"{len(requirements)} packages")
+
+
+class _Counter:
+    """Turns pip's lines and what appears on disk into '84 of 163 packages'."""
+
+    def __init__(self, total: int, site_packages: Path, progress: Progress) -> None:
+        self._total, self._site_packages, self._progress = total, site_packages, progress
+        self.restart()
+
+    def restart(self) -> None:
+        self._fetched = 0
+        self._installing = False
+
+    def line(self, line: str) -> None:
+        if line.startswith(("Collecting ", "Requirement already satisfied")):
+            self._fetched += 1
+            self._progress.update(f"fetched {self._fetched} of {self._total} packages")
+        elif line.startswith("Installing collected packages"):
+            self._installing = True
+
+    def tick(self) -> None:
+        if self._installing:
+            count = sum(1 for _ in self._site_packages.glob("*.dist-info"))
+            self._progress.update(f"installed {min(count, self._total)} of {self._total} packages")
+        else:
+            self._progress.tick()
+
+
+def _ask(layout: Layout, code: str) -> str:
+    answer = subprocess.run([layout.venv_python, "-c", code], capture_output=True, text=True, check=True)
+    return answer.stdout.strip()
+
+
+def _clean(environ: Mapping[str, str]) -> dict[str, str]:
+    """Without what would make pip or Python look elsewhere."""
+    unwanted = (
+        "PYTHONHOME",
+        "PYTHONPATH",
+        "PIP_USER",
+        "PIP_TARGET",
+        "PIP_PREFIX",
+        "PIP_REQUIRE_VIRTUALENV",
+        "LD_LIBRARY_PATH",
+        "_ROS_WHEELS_BOOTSTRAP_COMPLETE",
+    )
+    return {name: value for name, value in environ.items() if name not in unwanted} | {"PIP_USER": "0"}
