@@ -1,0 +1,122 @@
+"""The command line's frame: finds the command, runs it, and turns errors into one line and an exit code.
+
+A command is a module in `sixstrut_cli/commands/` with a function `command`, annotated as typer wants it:
+
+    def command(gait: Annotated[str, typer.Argument(help="…")], speed: Annotated[float, typer.Option()] = 1.0) -> None:
+        \"\"\"What it does; shown by `./sixstrut NAME --help`.\"\"\"
+
+It appears once the module exists and `registry.py` names it. A module with `app`, a `typer.Typer()`, instead of
+`command` becomes a command with sub-commands. `CONTEXT_SETTINGS`, if present, goes to typer. Only the module of the
+command that was asked for is imported, so each may import what it likes at its top.
+
+Exit codes: 0 done, 1 the command failed, 2 wrong usage, 3 set-up failed, 130 interrupted. A command ends itself with
+another one by `raise typer.Exit(code)`. It raises its package's errors as they are: `sim_core.errors.SimError` and
+`hardware_bridge.errors.BridgeError` become one line `error: …`; so does everything unexpected, with the way to its
+traceback.
+"""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any
+
+import typer
+
+from sixstrut_cli import registry
+
+EXIT_FAILED = 1
+EXIT_INTERRUPTED = 130
+
+# Base classes of errors that say all there is to say. By name: importing them here would import numpy at each start.
+EXPECTED_ERRORS = frozenset({"sim_core.errors.SimError", "hardware_bridge.errors.BridgeError"})
+
+_SETTINGS = {"help_option_names": ["--help", "-h"]}
+
+
+def main() -> None:
+    """Entry point of `python -m sixstrut_cli` and of the executable `sixstrut`."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: Sequence[str]) -> int:
+    """Runs one command line; returns its exit code."""
+    try:
+        build(arguments)(args=list(arguments) or ["--help"], prog_name="sixstrut")
+    except SystemExit as end:  # typer's way to return
+        return _exit_code(end)
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except BrokenPipeError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing left to flush at exit
+        return EXIT_FAILED
+    except Exception as error:
+        if debugging(arguments):
+            raise
+        print(f"error: {_describe(error)}", file=sys.stderr)
+        return EXIT_FAILED
+    return 0
+
+
+def build(arguments: Sequence[str]) -> typer.Typer:
+    """The application for this command line: the command asked for in full, the others as their help line."""
+    app = typer.Typer(
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        context_settings=_SETTINGS,
+    )
+    app.callback()(_frame)
+    asked = next((a for a in arguments if not a.startswith("-")), None)
+    for entry in registry.entries():
+        if entry.name == asked and entry.module is not None:
+            _add(app, entry, importlib.import_module(f"sixstrut_cli.commands.{entry.module}"))
+        else:
+            app.command(entry.name, help=entry.help)(_elsewhere(entry.name))
+    return app
+
+
+def _frame(
+    debug: Annotated[
+        bool, typer.Option("--debug", envvar="SIXSTRUT_DEBUG", help="Show the traceback of an error.")
+    ] = False,
+) -> None:
+    """A six-strut rolling tensegrity robot: its model, its gaits, its ROS 2 nodes."""
+
+
+def _add(app: typer.Typer, entry: registry.Entry, module: Any) -> None:
+    settings = {**_SETTINGS, **getattr(module, "CONTEXT_SETTINGS", {})}
+    if hasattr(module, "app"):
+        app.add_typer(module.app, name=entry.name, context_settings=settings)
+    else:
+        app.command(entry.name, context_settings=settings)(module.command)
+
+
+def _elsewhere(name: str) -> Callable[[], None]:
+    """Stands for a command in the help. Running it is never our part: set-up's own commands are done by ./sixstrut."""
+
+    def stub() -> None:
+        print(f"error: `{name}` is a command of the ./sixstrut script in the repository", file=sys.stderr)
+        raise typer.Exit(EXIT_FAILED)
+
+    return stub
+
+
+def debugging(arguments: Sequence[str]) -> bool:
+    return "--debug" in arguments or os.environ.get("SIXSTRUT_DEBUG", "") not in ("", "0")
+
+
+def _describe(error: Exception) -> str:
+    ancestors = {f"{cls.__module__}.{cls.__qualname__}" for cls in type(error).__mro__}
+    if ancestors & EXPECTED_ERRORS:
+        return str(error)
+    return f"{type(error).__name__}: {error} (traceback: SIXSTRUT_DEBUG=1)"
+
+
+def _exit_code(end: SystemExit) -> int:
+    if end.code is None or isinstance(end.code, int):
+        return end.code or 0
+    print(end.code, file=sys.stderr)
+    return EXIT_FAILED

@@ -1,0 +1,61 @@
+"""The table of commands. Standard library only: set-up reads it before anything is installed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+
+class Entry(NamedTuple):
+    name: str
+    help: str  # one line
+    module: str | None  # in sixstrut_cli.commands; None: done by tooling/bootstrap.py before Python packages are there
+
+
+_ALL = (
+    Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "demo"),
+    Entry("roll", "Roll the robot, real or virtual, over one edge.", "roll"),
+    Entry("search", "Search for gaits and rate how robust they are.", "search"),
+    Entry("replay", "Step the twin through a recorded session and compare.", "replay"),
+    Entry("prototype", "Run the virtual prototype alone, behind a serial port.", "prototype"),
+    Entry("parameters", "Show the parameters of robot and model, with their sources.", "parameters"),
+    Entry("test", "Run the checks and tests; with arguments, only pytest with these.", "test"),
+    Entry("setup", "Only set up: .venv with all packages, and the build of ros_ws.", None),
+    Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None),
+    Entry("clean", "Remove what set-up made.", None),
+)
+
+SETUP_COMMANDS = frozenset(entry.name for entry in _ALL if entry.module is None)
+
+_COMMANDS = Path(__file__).parent / "commands"
+
+
+def entries() -> list[Entry]:
+    """The commands that exist, in the order of the help."""
+    return [entry for entry in _ALL if entry.module is None or (_COMMANDS / f"{entry.module}.py").exists()]
+
+
+def names() -> list[str]:
+    return [entry.name for entry in entries()]
+
+
+def static_help(name: str | None) -> str:
+    """Help without the command's own options, for a checkout that is not set up."""
+    for entry in entries():
+        if entry.name == name:
+            more = "" if entry.module is None else "\n\nIts options: ./sixstrut setup, then this again."
+            return f"Usage: ./sixstrut {name}\n\n{entry.help}{more}"
+    width = max(map(len, names()))
+    lines = [f"  {entry.name:{width}}  {entry.help}" for entry in entries()]
+    return "\n".join(
+        [
+            "Usage: ./sixstrut COMMAND [OPTIONS]",
+            "",
+            "A six-strut rolling tensegrity robot: its model, its gaits, its ROS 2 nodes.",
+            "",
+            "Commands:",
+            *lines,
+            "",
+            "The first command that needs them installs all packages into .venv and builds ros_ws, once.",
+        ]
+    )
