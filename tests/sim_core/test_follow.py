@@ -1,0 +1,94 @@
+import random
+
+import pytest
+
+from sim_core.follow import Follower, Observed, Order, Sent
+from sim_core.library import load_library
+from sim_core.policy import lengths_of, neutral_lengths
+
+MS = 1_000_000
+
+
+def stream(model, policy, seconds=8.0, seen=()):
+    """A bridge's event stream: neutral for half a second, then the policy; `seen` are (time s, face, settled)."""
+    lengths = tuple(lengths_of(model.prototype, policy))
+    neutral = tuple(neutral_lengths(model.prototype))
+    timed = [(t, lengths if t >= 500 * MS else neutral) for t in range(0, int(seconds * 1000) * MS, 50 * MS)]
+    timed += [(int(t * 1000) * MS + 1, (face, settled)) for t, face, settled in seen]
+    timed.sort(key=lambda item: item[0])
+    return [
+        Observed(seq, t, *what) if len(what) == 2 else Sent(seq, t, what) for seq, (t, what) in enumerate(timed, start=40)
+    ]
+
+
+def followed(model, events, face="TC6"):
+    follower = Follower(model, face)
+    for event in events:
+        follower.apply(event)
+    return follower
+
+
+@pytest.fixture(scope="module")
+def policy():
+    return load_library("first").gaits("TC6", "TO5")[0].policy
+
+
+def test_the_same_stream_gives_the_same_bits(model, policy):
+    events = stream(model, policy)
+    one, other = followed(model, events), followed(model, events)
+    assert one.digest() == other.digest()
+    assert (one.first_seq, one.last_seq) == (40, events[-1].seq)
+    assert one.robot.footing().face == "TO5"
+
+
+def test_repeating_what_was_sent_changes_no_bit(model, policy):
+    events = stream(model, policy)
+    changes = [e for i, e in enumerate(events) if i == 0 or e.lengths_m != events[i - 1].lengths_m]
+    assert len(changes) == 2
+    assert followed(model, [*changes, events[-1]]).digest() == followed(model, events).digest()
+
+
+def test_an_agreeing_observation_changes_nothing_but_its_number(model, policy):
+    plain = followed(model, stream(model, policy))
+    seen = followed(model, stream(model, policy, seen=[(0.2, "TC6", True), (7.5, "TO5", True)]))
+    assert seen.resets == 0
+    assert seen.digest() == plain.digest()
+
+
+def test_a_contradicting_observation_puts_the_twin_where_the_robot_is(model, policy):
+    events = stream(model, policy, seen=[(7.5, "TC3", True)])
+    follower = followed(model, events)
+    assert follower.resets == 1
+    assert follower.robot.footing().face == "TC3"
+    assert follower.step == events[-1].robot_time_ns * model.steps_per_second // 10**9 - events[0].robot_time_ns
+    assert followed(model, events).digest() == follower.digest()
+
+
+def test_an_unsettled_observation_is_not_acted_upon(model, policy):
+    assert followed(model, stream(model, policy, seen=[(7.5, "TC3", False)])).resets == 0
+
+
+def test_an_observation_waits_until_the_twin_itself_is_at_rest(model, policy):
+    """Seen settled on the target while the twin is still on its way there: no reset."""
+    moving = followed(model, stream(model, policy, seen=[(1.5, "TO5", True)]))
+    assert moving.resets == 0
+    assert moving.robot.footing().face == "TO5"
+
+
+def test_order_gives_events_out_by_number_however_they_arrive():
+    events = [Sent(n, n * MS, (0.234,) * 6) for n in range(1, 101)]
+    order, out = Order(), []
+    shuffled = events[1:]
+    random.Random(4).shuffle(shuffled)
+    for event in [events[0], *shuffled, *events[3:5]]:
+        out += order.add(event)
+    assert out == events
+    assert order.lost == 0
+
+
+def test_order_gives_up_on_an_event_that_never_comes():
+    order, out = Order(patience=5), []
+    for n in (1, 2, *range(4, 20)):
+        out += order.add(Sent(n, n * MS, (0.234,) * 6))
+    assert [event.seq for event in out] == [1, 2, *range(4, 20)]
+    assert order.lost == 1
