@@ -1,0 +1,1 @@
+"""Servo-board codecs, serial transport, safety supervisor, virtual prototype and MCAP recorder. Knows no ROS."""

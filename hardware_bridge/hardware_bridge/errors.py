@@ -1,0 +1,188 @@
+"""Everything that can be refused or go wrong here: one line that says what was got, what is valid, what to do.
+
+Every error carries its data as attributes, so that callers need not parse messages.
+"""
+
+from __future__ import annotations
+
+
+class BridgeError(Exception):
+    """Base of all errors of this package."""
+
+
+# ---- bytes ----------------------------------------------------------------------------------------------------------
+
+
+class CodecError(BridgeError):
+    """A value that a board's protocol cannot carry."""
+
+    def __init__(self, field: str, value: object, valid: str) -> None:
+        self.field, self.value, self.valid = field, value, valid
+        super().__init__(f"{field} is {value}, valid is {valid}")
+
+
+# ---- port -----------------------------------------------------------------------------------------------------------
+
+
+class TransportError(BridgeError):
+    """The port cannot be used."""
+
+    def __init__(self, port: str, problem: str, remedy: str) -> None:
+        self.port, self.problem, self.remedy = port, problem, remedy
+        super().__init__(f"port {port}: {problem}; {remedy}")
+
+
+class PortMissing(TransportError):
+    """There is no such port."""
+
+
+class PortBusy(TransportError):
+    """Somebody else holds the port."""
+
+
+class PortWrongKind(TransportError):
+    """The path or URL is no serial port, or may not be opened."""
+
+
+class LinkLost(TransportError):
+    """A read or write on the open port failed. ``dirty``: part of a frame may have reached the board."""
+
+    def __init__(self, port: str, problem: str, remedy: str, dirty: bool = False) -> None:
+        self.dirty = dirty
+        super().__init__(port, problem, remedy)
+
+
+class TimeScaleError(BridgeError):
+    """The time scale does not fit the port."""
+
+    def __init__(self, port: str, time_scale: float, problem: str) -> None:
+        self.port, self.time_scale = port, time_scale
+        super().__init__(f"time scale {time_scale:g} with port {port}: {problem}")
+
+
+# ---- configuration --------------------------------------------------------------------------------------------------
+
+
+class CalibrationError(BridgeError):
+    """A calibration that must not drive a robot. ``strut`` (``S1``…) and ``line`` (from 1) where they are known."""
+
+    def __init__(self, source: str, problem: str, strut: str | None = None, line: int | None = None) -> None:
+        self.source, self.problem, self.strut, self.line = source, problem, strut, line
+        where = source if line is None else f"{source}, line {line}"
+        who = "" if strut is None else f"{strut}: "
+        super().__init__(f"calibration {where}: {who}{problem}")
+
+
+class ParameterError(BridgeError):
+    """A parameter outside its range."""
+
+    def __init__(self, name: str, value: object, valid: str) -> None:
+        self.name, self.value, self.valid = name, value, valid
+        super().__init__(f"{name} is {value}, valid is {valid}")
+
+
+class StateFileError(BridgeError):
+    """The last pulses cannot be kept; without them the next homing would be blind."""
+
+    def __init__(self, path: str, problem: str) -> None:
+        self.path, self.problem = path, problem
+        super().__init__(f"cannot keep the last pulses in {path}: {problem}; make the folder writable or free space")
+
+
+# ---- refused commands -----------------------------------------------------------------------------------------------
+
+
+class Refused(BridgeError):
+    """A command refused whole; nothing was sent."""
+
+
+class LimitError(Refused):
+    """A strut outside a limit. ``value`` and ``limit`` are in ``unit``."""
+
+    def __init__(self, strut: str, quantity: str, value: float, limit: float, unit: str, where: str = "") -> None:
+        self.strut, self.quantity, self.value, self.limit, self.unit = strut, quantity, value, limit, unit
+        at = f" {where}" if where else ""
+        super().__init__(f"{strut}: {quantity} {value:.6g} {unit}{at} is outside the limit {limit:.6g} {unit}")
+
+
+class ShapeError(Refused):
+    """A shape (six rest lengths, m) that the structure must not take."""
+
+    def __init__(self, lengths_m: tuple[float, ...], problem: str, where: str = "") -> None:
+        self.lengths_m, self.problem = lengths_m, problem
+        shape = ", ".join(f"{length * 1e3:.1f}" for length in lengths_m)
+        super().__init__(f"shape [{shape}] mm{f' {where}' if where else ''} is not permitted: {problem}")
+
+
+class TrajectoryError(Refused):
+    """A trajectory that is none: wrong names, counts, times or not-a-number."""
+
+    def __init__(self, problem: str, strut: str | None = None, knot: int | None = None) -> None:
+        self.problem, self.strut, self.knot = problem, strut, knot
+        super().__init__(f"trajectory refused: {problem}")
+
+
+class LeaseError(Refused):
+    """Not the holder of the current lease."""
+
+    def __init__(self, lease: str, problem: str) -> None:
+        self.lease = lease
+        super().__init__(f"lease {lease or '(none)'} refused: {problem}")
+
+
+class StaleError(Refused):
+    """A command stamped too long ago, or in the future."""
+
+    def __init__(self, age_s: float, limit_s: float) -> None:
+        self.age_s, self.limit_s = age_s, limit_s
+        super().__init__(f"command is {age_s:.3g} s old, valid is within {limit_s:g} s; check clocks, send it again")
+
+
+class StateError(Refused):
+    """Not in this state. ``mode`` is the supervisor's state."""
+
+    def __init__(self, command: str, mode: str, remedy: str) -> None:
+        self.command, self.mode, self.remedy = command, mode, remedy
+        super().__init__(f"{command} refused in state {mode}: {remedy}")
+
+
+class FaultLatched(StateError):
+    """A fault is latched; ``reason`` says which."""
+
+    def __init__(self, command: str, reason: str) -> None:
+        self.reason = reason
+        super().__init__(command, "FAULT", f"{reason}; remove the cause, then call reset")
+
+
+class PositionUnknown(Refused):
+    """Nobody knows where a strut is, or two sources disagree."""
+
+    def __init__(self, strut: str, problem: str) -> None:
+        self.strut, self.problem = strut, problem
+        super().__init__(f"{strut}: {problem}")
+
+
+class NotClear(Refused):
+    """Arming without the operator's word that the robot is lifted and hands are clear."""
+
+    def __init__(self) -> None:
+        super().__init__("arm refused: lifted_and_clear is false; lift the robot, clear hands, then confirm it")
+
+
+# ---- recorder and prototype -----------------------------------------------------------------------------------------
+
+
+class RecorderError(BridgeError):
+    """The log cannot be written, finished or verified."""
+
+    def __init__(self, path: str, problem: str) -> None:
+        self.path, self.problem = path, problem
+        super().__init__(f"log {path}: {problem}")
+
+
+class PrototypeError(BridgeError):
+    """The virtual prototype cannot start."""
+
+    def __init__(self, link: str, problem: str) -> None:
+        self.link, self.problem = link, problem
+        super().__init__(f"virtual prototype {link}: {problem}")
