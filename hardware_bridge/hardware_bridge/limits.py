@@ -1,0 +1,76 @@
+"""What may be asked of the struts, as numbers, and how fast frames go out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import ClassVar
+
+from hardware_bridge.errors import ParameterError
+
+
+class _Ranged:
+    """Refuses values outside ``RANGES`` (low, high) when constructed."""
+
+    RANGES: ClassVar[dict[str, tuple[float, float]]]
+
+    def __post_init__(self) -> None:
+        for field in fields(self):  # type: ignore[arg-type]
+            value, (low, high) = getattr(self, field.name), self.RANGES[field.name]
+            number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+            if not number or not low <= value <= high:
+                raise ParameterError(field.name, value, f"{low:g} to {high:g}")
+
+
+@dataclass(frozen=True)
+class Limits(_Ranged):
+    """Limits of every command.
+
+    Attributes:
+        stroke_m: Largest change from mid stroke, either way, in [m]: the policy bound.
+        speed_m_s: Largest speed of a rest length, in [m/s] of robot time.
+        step_m: Largest change of a rest length in one frame, in [m].
+        goal_age_s: Oldest stamp of a goal, in [s] of wall time.
+        lease_silence_s: Longest silence of the lease's holder, in [s] of wall time: it is a process that must prove
+            its life, whatever the pace of the robot. With a time scale, which only a virtual port has, this is so many
+            times longer in robot time.
+    """
+
+    RANGES: ClassVar[dict[str, tuple[float, float]]] = {
+        "stroke_m": (0.001, 0.100),
+        "speed_m_s": (0.001, 0.100),
+        "step_m": (0.0002, 0.010),
+        "goal_age_s": (0.05, 5.0),
+        "lease_silence_s": (0.2, 10.0),
+    }
+
+    stroke_m: float = 0.045
+    speed_m_s: float = 0.020
+    step_m: float = 0.002
+    goal_age_s: float = 0.5
+    lease_silence_s: float = 1.0
+
+
+@dataclass(frozen=True)
+class Pacing(_Ranged):
+    """How motions are cut into frames; all times in robot time.
+
+    Attributes:
+        period_s: Time between frames, and between heartbeats. A frame of six servos lasts 26 ms at 9600 baud.
+        overlap: Duration of a frame's move over the period. Above 1, so that the board is still moving when the next
+            frame arrives; close to 1, so that little motion is left when the link dies.
+        homing_speed_m_s: Speed of the slow move to mid stroke, in [m/s].
+        energise_pause_s: Rest after each strut is energised, in [s].
+    """
+
+    RANGES: ClassVar[dict[str, tuple[float, float]]] = {
+        "period_s": (0.030, 0.5),
+        "overlap": (1.0, 2.0),
+        "homing_speed_m_s": (0.0005, 0.020),
+        "energise_pause_s": (0.0, 5.0),
+    }
+
+    period_s: float = 0.050
+    overlap: float = 1.1
+    homing_speed_m_s: float = 0.008
+    energise_pause_s: float = 0.4

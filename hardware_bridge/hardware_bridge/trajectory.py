@@ -1,0 +1,100 @@
+"""Rest lengths over time: knots, joined by straight lines."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from hardware_bridge.calibration import STRUTS
+from hardware_bridge.errors import TrajectoryError
+
+MAX_KNOTS = 1000
+MAX_DURATION_S = 600.0
+
+
+@dataclass(frozen=True, eq=False)
+class Trajectory:
+    """Knots of the six rest lengths. Between knots every strut moves at constant speed.
+
+    The motion starts at the present lengths at time 0. If the first knot's time is 0, it must be the present lengths.
+
+    Attributes:
+        times_s: Robot time of each knot since the start, strictly increasing. Shape (n,).
+        lengths_m: Absolute rest lengths in [m], S1 first. Shape (n, 6).
+
+    Raises:
+        TrajectoryError: Wrong shape or order, or not a number, naming strut and knot (from 1).
+    """
+
+    times_s: NDArray[np.float64]
+    lengths_m: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        try:
+            times = np.array(self.times_s, dtype=np.float64)
+            lengths = np.array(self.lengths_m, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise TrajectoryError("times and lengths must be numbers, six lengths a knot") from error
+        if times.ndim != 1 or not 1 <= len(times) <= MAX_KNOTS or lengths.shape != (len(times), len(STRUTS)):
+            shapes = f"times {times.shape} and lengths {lengths.shape}"
+            raise TrajectoryError(f"{shapes}, valid are (n,) and (n, 6) with n from 1 to {MAX_KNOTS}")
+        for knot, row in enumerate(lengths, start=1):
+            for strut, length in zip(STRUTS, row, strict=True):
+                if not math.isfinite(length):
+                    raise TrajectoryError(f"{strut} is {length} at knot {knot}, valid is a length in m", strut, knot)
+        previous = -math.inf
+        for knot, time_s in enumerate(times, start=1):
+            if not 0.0 <= time_s <= MAX_DURATION_S or time_s <= previous:
+                valid = f"from 0 to {MAX_DURATION_S:g} s, each later than the one before"
+                raise TrajectoryError(f"time of knot {knot} is {time_s:g} s, valid is {valid}", knot=knot)
+            previous = time_s
+        times.flags.writeable = False
+        lengths.flags.writeable = False
+        object.__setattr__(self, "times_s", times)
+        object.__setattr__(self, "lengths_m", lengths)
+
+    @classmethod
+    def from_names(cls, names: Sequence[str], times_s: ArrayLike, lengths_m: ArrayLike) -> Trajectory:
+        """A trajectory whose columns are in the order of ``names``, which must be S1 to S6, each once.
+
+        Raises:
+            TrajectoryError: Wrong names or counts, or as the class.
+        """
+        if sorted(names) != list(STRUTS):
+            raise TrajectoryError(f"names are {list(names)}, valid are {list(STRUTS)}, each once")
+        try:
+            lengths = np.array(lengths_m, dtype=np.float64)
+            times = np.array(times_s, dtype=np.float64)
+        except (TypeError, ValueError) as error:
+            raise TrajectoryError("times and lengths must be numbers, six lengths a knot") from error
+        if lengths.ndim != 2 or lengths.shape[1] != len(STRUTS):
+            raise TrajectoryError(f"lengths have shape {lengths.shape}, valid is (n, 6)")
+        return cls(times, lengths[:, [list(names).index(strut) for strut in STRUTS]])
+
+    @property
+    def duration_s(self) -> float:
+        """Time of the last knot, in [s]."""
+        return float(self.times_s[-1])
+
+    def starting_at(self, lengths_m: Sequence[float]) -> Trajectory:
+        """This trajectory with the knot (0, ``lengths_m``) in front, or in place of its own knot at 0."""
+        rest = slice(1, None) if self.times_s[0] == 0.0 else slice(None)
+        return Trajectory(
+            np.concatenate(([0.0], self.times_s[rest])),
+            np.concatenate((np.array([lengths_m], dtype=np.float64), self.lengths_m[rest])),
+        )
+
+    def at(self, time_s: float) -> NDArray[np.float64]:
+        """Lengths in [m] at ``time_s``, held beyond the ends. Shape (6,)."""
+        times, lengths = self.times_s, self.lengths_m
+        if time_s <= times[0]:
+            return lengths[0].copy()
+        if time_s >= times[-1]:
+            return lengths[-1].copy()
+        right = int(np.searchsorted(times, time_s, side="right"))
+        part = (time_s - times[right - 1]) / (times[right] - times[right - 1])
+        return np.asarray(lengths[right - 1] + part * (lengths[right] - lengths[right - 1]))
