@@ -1,0 +1,283 @@
+"""The bridge: one port, one board, one supervisor, one stream of events."""
+
+from __future__ import annotations
+
+import functools
+import math
+import secrets
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+
+from hardware_bridge.calibration import STRUTS
+from hardware_bridge.checks import Rules, check_trajectory
+from hardware_bridge.codecs import Codec
+from hardware_bridge.codecs.lsc import LscCodec
+from hardware_bridge.engine import Callbacks, Engine
+from hardware_bridge.errors import ParameterError, Refused, StateError
+from hardware_bridge.events import FACES, SOURCES, FaceEvent, SentEvent, Snapshot
+from hardware_bridge.last_pulses import LastPulses, state_directory
+from hardware_bridge.link import Link
+from hardware_bridge.motion import MotionHandle
+from hardware_bridge.protocol import Arm, Disarm, Execute, Hold, Mode, Prove, Reset, Stop
+from hardware_bridge.streamer import Streamer
+from hardware_bridge.trajectory import Trajectory
+from hardware_bridge.transport import SerialTransport
+from hardware_bridge.virtual_port import Handshake, agree_on_time_scale, read_handshake
+
+
+class Bridge:
+    """Drives six struts through a servo board. Every public method may be called from any thread.
+
+    One lock orders everything: a call, the bytes it writes, the number (``seq``) and robot time of its events, and
+    their callbacks, so callbacks come in the order of ``seq``. They must therefore be short and must not call the
+    bridge; an exception in one is logged and goes no further. ``stop`` does not wait for its turn to stop frames: it
+    bars them at once, so at most the one frame that is already being written goes out after the call.
+
+    Args:
+        port: Path or pyserial URL.
+        rules: Calibration, limits, pacing and shape check (a function of six rest lengths in m that returns what is
+            wrong, or None; called under the lock for every frame, so it should take well under a millisecond).
+        codec: The board; LSC by default.
+        baud: Rate of the port.
+        time_scale: Robot seconds per second; None takes the virtual prototype's, or 1 on a real port.
+        state_dir: Where the last pulses are kept; by default ``$SIXSTRUT_STATE_DIR`` or ``~/.local/state/sixstrut``.
+        liveness_period_s: Wall time between battery queries; None asks never.
+        liveness_limit_s: Longest wall time without a reply, once the board has ever replied, before the link is lost.
+        on_sent: Called with every :class:`SentEvent`: each write that moves or holds, and one heartbeat each period
+            (50 ms of robot time by default) without one, while the link is up.
+        on_face: Called with every :class:`FaceEvent`.
+        on_state: Called with a :class:`Snapshot` on every change of mode, reason, holder, motion or link.
+    """
+
+    def __init__(
+        self,
+        port: str,
+        rules: Rules,
+        *,
+        codec: Codec | None = None,
+        baud: int = 9600,
+        time_scale: float | None = None,
+        state_dir: Path | None = None,
+        liveness_period_s: float | None = 1.0,
+        liveness_limit_s: float = 4.0,
+        on_sent: Callable[[SentEvent], None] | None = None,
+        on_face: Callable[[FaceEvent], None] | None = None,
+        on_state: Callable[[Snapshot], None] | None = None,
+    ) -> None:
+        if time_scale is not None and not (math.isfinite(time_scale) and 0.01 <= time_scale <= 100):
+            raise ParameterError("time_scale", time_scale, "0.01 to 100")
+        board = LscCodec() if codec is None else codec
+        self.port = port
+        self.rules = replace(rules, shape_check=functools.lru_cache(maxsize=8192)(rules.shape_check))
+        self._wanted_time_scale = time_scale
+        self._state_dir = state_directory() if state_dir is None else state_dir
+        self._link = Link(SerialTransport(port, baud), board, liveness_period_s, liveness_limit_s)
+        self._engine = Engine(port, self.rules, board, self._link, Callbacks(on_sent, on_face, on_state))
+        self._opening = threading.Lock()
+        self._streamer: Streamer | None = None
+        self._handshake: Handshake | None = None
+        self._motion_count = 0
+
+    # ---- life -------------------------------------------------------------------------------------------------------
+
+    def open(self) -> None:
+        """Opens the port and starts the clock and the stream; nothing moves. ``seq`` and robot time begin anew.
+
+        Raises:
+            TransportError: :class:`PortMissing`, :class:`PortBusy` or :class:`PortWrongKind`, with the remedy.
+            TimeScaleError: The time scale does not fit the port.
+            StateError: It is open.
+        """
+        with self._opening:
+            if self._streamer is not None:
+                raise StateError("open", self._engine.state.mode, "the bridge is open; close it first")
+            time_scale, record = self._connect(self._wanted_time_scale)
+            with self._engine.lock:
+                self._engine.begin(time_scale, record, self._handshake is not None)
+            period_s = self.rules.pacing.period_s / time_scale
+            self._streamer = Streamer(self._engine.tick, self._engine.tick_failed, period_s)
+            self._streamer.start()
+
+    def close(self, hold: bool = True) -> None:
+        """Ends any motion and closes the port; closing twice is fine. The struts keep their power and hold.
+
+        Args:
+            hold: Send the present pulses once more, so that the board stops at once; else it ends its last short frame.
+
+        Raises:
+            StateFileError: The last pulses could not be kept; the port is closed all the same.
+        """
+        with self._opening:
+            streamer, self._streamer = self._streamer, None
+            if streamer is None:
+                return
+            streamer.stop()
+            with self._engine.lock:
+                if not hold:
+                    self._link.down()
+                state = self._engine.state
+                if state.mode is not Mode.FAULT:
+                    self._engine.apply(Disarm("" if state.lease is None else state.lease.token))
+                self._link.close()
+                self._engine.tell_state(force=True)
+                self._engine.save_record(durable=True)
+
+    # ---- commands ---------------------------------------------------------------------------------------------------
+
+    def arm(
+        self, holder: str, lifted_and_clear: bool, confirmed_lengths_m: Sequence[float | None] | None = None
+    ) -> str:
+        """Takes the lease and begins homing, which ends in ARMED (see ``snapshot`` and ``on_state``).
+
+        Args:
+            holder: Who asks, for people.
+            lifted_and_clear: The operator's word: robot lifted, hands clear.
+            confirmed_lengths_m: None or empty: the record of the last write. Else six rest lengths in [m] as the
+                operator sees them (None or NaN for a strut: its record). Where both exist they must agree within 2 mm.
+
+        Returns:
+            The lease, to be given with every command and proven at 2 Hz or more (wall time).
+
+        Raises:
+            Refused: :class:`NotClear`, :class:`PositionUnknown`, :class:`LimitError`, :class:`ShapeError`,
+                :class:`StateError`, :class:`FaultLatched`.
+            StateFileError: The last pulses cannot be kept.
+        """
+        given = () if confirmed_lengths_m is None else tuple(confirmed_lengths_m)
+        token = secrets.token_hex(8)
+        with self._engine.lock:
+            self._require_open("arm")
+            self._engine.save_record()
+            self._engine.apply(Arm(holder, lifted_and_clear, token, given or (None,) * len(STRUTS)))
+        return token
+
+    def disarm(self, lease: str) -> None:
+        """Gives the lease back and ends any motion: DISARMED, the struts hold.
+
+        Raises:
+            Refused: :class:`LeaseError`, :class:`FaultLatched`, :class:`StateError`.
+        """
+        with self._engine.lock:
+            self._require_open("disarm")
+            self._engine.apply(Disarm(lease))
+
+    def prove(self, lease: str) -> None:
+        """The holder lives.
+
+        Raises:
+            Refused: :class:`LeaseError`, :class:`StateError`.
+        """
+        with self._engine.lock:
+            self._require_open("prove")
+            self._engine.apply(Prove(lease))
+
+    def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0) -> MotionHandle:
+        """Starts a motion; knots are times in robot time from now and absolute rest lengths.
+
+        Args:
+            trajectory: See :class:`Trajectory`; ``Trajectory.from_names`` makes one from a message's fields.
+            lease: From ``arm``.
+            stamp_age_s: Wall time since the command was made, in [s].
+
+        Raises:
+            Refused: Nothing moves. :class:`LimitError`, :class:`ShapeError`, :class:`LeaseError`, :class:`StaleError`,
+                :class:`StateError`, :class:`FaultLatched`.
+        """
+        self._judge_shapes_early(trajectory)
+        with self._engine.lock:
+            self._require_open("execute")
+            number = self._motion_count + 1
+            self._engine.apply(Execute(trajectory, lease, stamp_age_s, number))
+            self._motion_count = number
+            return self._engine.add_motion(number, trajectory.duration_s)
+
+    def hold(self, reason: str) -> None:
+        """Ends any motion with the struts held where they are; ARMED becomes HOLD, from which ``execute`` goes on.
+
+        While homing, the lease is lost: half homed is not homed.
+        """
+        with self._engine.lock:
+            self._require_open("hold")
+            self._engine.apply(Hold(reason))
+
+    def stop(self, reason: str = "stop pressed") -> None:
+        """Latches FAULT with the struts held. Works in every state and never raises.
+
+        No frame that could move a strut is begun after this call. There is no command that stops a servo of an LSC, so
+        the present pulses are sent again with the shortest duration. This is not an emergency stop: that is a switch on
+        the servo supply.
+        """
+        with self._engine.barred(), self._engine.lock:
+            self._engine.apply(Stop(reason))
+
+    def reset(self) -> None:
+        """Leaves FAULT for DISARMED. A lost link is opened again first; robot time and ``seq`` go on.
+
+        Raises:
+            TransportError, TimeScaleError: The link cannot be opened; FAULT stays.
+            StateError: The bridge is closed.
+        """
+        with self._opening:
+            self._require_open("reset")
+            if not self._link.is_up:
+                _, record = self._connect(self._engine.clock.time_scale)
+                with self._engine.lock:
+                    self._engine.use_record(record, self._handshake is not None)
+            with self._engine.lock:
+                self._engine.apply(Reset())
+                self._engine.tell_state(force=True)
+
+    def observe_face(self, face: str, source: str, settled: bool, detail: str = "") -> FaceEvent:
+        """Numbers a face observation into the stream.
+
+        Args:
+            face: ``TC1``…``TC8``, ``TO1``…``TO12``, or empty: on no face.
+            source: ``operator``, ``prototype`` or ``external``.
+            settled: The robot had come to rest.
+            detail: For people.
+
+        Raises:
+            ParameterError: No such face or source.
+            StateError: The bridge is closed.
+        """
+        if face and face not in FACES:
+            raise ParameterError("face", repr(face), "TC1 to TC8, TO1 to TO12, or empty")
+        if source not in SOURCES:
+            raise ParameterError("source", repr(source), ", ".join(SOURCES))
+        with self._engine.lock:
+            self._require_open("observe_face")
+            return self._engine.emit_face(face, source, settled, detail)
+
+    def snapshot(self) -> Snapshot:
+        """The bridge now, in any state."""
+        return self._engine.snapshot()
+
+    @property
+    def observer(self) -> str | None:
+        """Path of the virtual prototype's observer socket; None on a real port."""
+        return None if self._handshake is None else self._handshake.observer
+
+    # ---- shared -----------------------------------------------------------------------------------------------------
+
+    def _connect(self, wanted_time_scale: float | None) -> tuple[float, LastPulses]:
+        """Opens the port, real or virtual, and finds the record that belongs to the robot behind it."""
+        handshake = read_handshake(self.port)
+        time_scale = agree_on_time_scale(self.port, wanted_time_scale, handshake)
+        self._link.open()
+        self._handshake = handshake
+        return time_scale, LastPulses(self._state_dir, self.port, "" if handshake is None else handshake.instance)
+
+    def _judge_shapes_early(self, trajectory: Trajectory) -> None:
+        """Judges the shapes outside the lock, to remember the verdicts; what counts is the supervisor's own check."""
+        with self._engine.lock:
+            state, present_m = self._engine.state, self._engine.lengths_m()
+        if state.homed and state.motion is None:
+            with suppress(Refused):
+                check_trajectory(self.rules, present_m, trajectory)
+
+    def _require_open(self, command: str) -> None:
+        if self._streamer is None:
+            raise StateError(command, self._engine.state.mode, "the bridge is closed; open it first")

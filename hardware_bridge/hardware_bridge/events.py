@@ -1,0 +1,108 @@
+"""What the bridge tells its callers: the numbered stream of what happened to the robot, and its own state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from hardware_bridge.protocol import Mode
+
+FACES = (*(f"TC{number}" for number in range(1, 9)), *(f"TO{number}" for number in range(1, 13)))
+SOURCES = ("operator", "prototype", "external")
+"""Who may observe a face. A *predicted* face is no observation and is not part of the stream."""
+
+
+@dataclass(frozen=True)
+class SentEvent:
+    """One write to the board, or a heartbeat: nothing written, the clock has moved on.
+
+    Attributes:
+        seq: Place in the stream, from 1, shared with :class:`FaceEvent`.
+        robot_time_ns: Robot time of the write, in [ns]; never less than that of an earlier ``seq``.
+        heartbeat: Nothing was written; the lengths are those last sent.
+        lengths_m: Rest lengths of S1 to S6 as whole pulses, in [m]; mid stroke where ``known`` is false.
+        known: Whether each strut's length was ever sent or confirmed.
+        pulses_us: Pulses of S1 to S6, in [us]; 0 where not known.
+        duration_ms: Duration asked of the board; 0 for a heartbeat.
+        frame: The bytes on the wire; empty for a heartbeat.
+        kind: ``energise``, ``home``, ``move``, ``hold`` or ``heartbeat``.
+    """
+
+    seq: int
+    robot_time_ns: int
+    heartbeat: bool
+    lengths_m: tuple[float, ...]
+    known: tuple[bool, ...]
+    pulses_us: tuple[int, ...]
+    duration_ms: int
+    frame: bytes
+    kind: str
+
+
+@dataclass(frozen=True)
+class FaceEvent:
+    """Somebody saw which face the robot stands on.
+
+    Attributes:
+        seq: Place in the stream, from 1, shared with :class:`SentEvent`.
+        robot_time_ns: Robot time at which the bridge was told, in [ns].
+        face: ``TC1``…``TC8``, ``TO1``…``TO12``, or empty: on no face.
+        source: One of ``SOURCES``.
+        settled: The robot had come to rest.
+        detail: For people.
+    """
+
+    seq: int
+    robot_time_ns: int
+    face: str
+    source: str
+    settled: bool
+    detail: str
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The bridge at one instant.
+
+    Attributes:
+        robot_time_ns: Robot time, in [ns].
+        last_seq: Number of the newest event of the stream; 0 before the first.
+        mode: The supervisor's state.
+        reason: Why, for people; may be empty.
+        lease_holder: Who armed; empty if nobody.
+        homed: Homing has ended well since the last arm.
+        moving: A commanded motion is running.
+        port: Path or URL.
+        link_ok: The port is open and the last read and write went through.
+        virtual_port: The port is the virtual prototype's.
+        time_scale: Robot seconds per second.
+        lengths_m: As :class:`SentEvent`.
+        known: As :class:`SentEvent`.
+        energised: Which struts have been sent a pulse since the port was opened.
+        calibration_hash: Of the calibration in use.
+        battery_mv: Last reply of the board, in [mV]; None before the first.
+        frames_sent: Frames written since ``open``.
+        write_errors: Failed or partial writes since ``open``.
+        late_periods: Periods that the frame loop missed, dropped and not made up for.
+        congested_periods: Periods without a frame because the port still held the one before.
+    """
+
+    robot_time_ns: int
+    last_seq: int
+    mode: Mode
+    reason: str
+    lease_holder: str
+    homed: bool
+    moving: bool
+    port: str
+    link_ok: bool
+    virtual_port: bool
+    time_scale: float
+    lengths_m: tuple[float, ...]
+    known: tuple[bool, ...]
+    energised: tuple[bool, ...]
+    calibration_hash: str
+    battery_mv: int | None
+    frames_sent: int
+    write_errors: int
+    late_periods: int
+    congested_periods: int
