@@ -1,0 +1,1 @@
+"""A robot behind a pty: an emulated servo board, a perturbed body, and an observer in place of a camera."""

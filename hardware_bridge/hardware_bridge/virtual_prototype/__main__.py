@@ -1,0 +1,100 @@
+"""``python -m hardware_bridge.virtual_prototype``: one robot behind one pty, until SIGINT or SIGTERM."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+from types import FrameType
+
+from hardware_bridge.calibration import load_calibration
+from hardware_bridge.errors import BridgeError
+from hardware_bridge.events import FACES
+from hardware_bridge.virtual_port import default_link
+from hardware_bridge.virtual_prototype.body import SimulatedBody
+from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the prototype; the exit status: 0 after a signal, 1 if it could not start, 2 for bad arguments."""
+    options = _parser().parse_args(arguments)
+    ended = False
+
+    def end(number: int, frame: FrameType | None) -> None:
+        nonlocal ended
+        ended = True
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, end)
+    try:
+        body = SimulatedBody(options.face, options.perturbation, options.seed)
+        calibration = replace(load_calibration(), mid_stroke_length_m=body.mid_stroke_length_m)
+        if ended:
+            return 0
+        prototype = VirtualPrototype(options.link, body, calibration, options.baud, options.time_scale)
+    except BridgeError as error:
+        print(error, file=sys.stderr)
+        return 1
+    try:
+        with contextlib.suppress(BrokenPipeError):  # nobody needs to listen
+            scale = f"perturbation {options.perturbation * 100:g} %, seed {options.seed}"
+            ready = f"virtual prototype ready: {options.link} ({scale}, time scale {options.time_scale:g})"
+            print(ready, flush=True)
+        prototype.run(lambda: ended)
+    finally:
+        prototype.close()
+    return 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="virtual_prototype",
+        description="A simulated robot, its true parameters hidden, behind a serial port.",
+    )
+    parser.add_argument("--link", type=Path, default=default_link(), help="where to link (default: %(default)s)")
+    parser.add_argument("--seed", type=int, default=0, help="draws the robot's true parameters (default: %(default)s)")
+    parser.add_argument(
+        "--perturbation",
+        type=_number(0.0, 0.5),
+        default=0.05,
+        help="how far they are from the nominal ones, 0.05 = 5 %% (default: %(default)s)",
+    )
+    parser.add_argument("--face", type=_face, default="TC6", help="the face it starts on (default: %(default)s)")
+    parser.add_argument(
+        "--time-scale", type=_number(0.01, 100.0), default=1.0, help="robot seconds per second (default: %(default)s)"
+    )
+    parser.add_argument("--baud", type=_baud, default=9600, help="between radio and board (default: %(default)s)")
+    parser.add_argument("--board", choices=["lsc"], default="lsc", help="the servo board (default: %(default)s)")
+    return parser
+
+
+def _number(low: float, high: float) -> Callable[[str], float]:
+    def parse(text: str) -> float:
+        value = float(text)
+        if not (math.isfinite(value) and low <= value <= high):
+            raise argparse.ArgumentTypeError(f"{text} is not from {low:g} to {high:g}")
+        return value
+
+    return parse
+
+
+def _baud(text: str) -> int:
+    value = int(text)
+    if not 300 <= value <= 1_000_000:
+        raise argparse.ArgumentTypeError(f"{text} is not from 300 to 1000000")
+    return value
+
+
+def _face(text: str) -> str:
+    if text not in FACES:
+        raise argparse.ArgumentTypeError(f"{text} is not TC1 to TC8 or TO1 to TO12")
+    return text
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,109 @@
+"""The robot that hangs on the emulated board: a perturbed model, stepped to robot time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+REST_S = 0.2
+"""How long all joints must have been slow for the robot to be settled."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What a camera above the floor would tell.
+
+    Attributes:
+        robot_time_ns: The prototype's own robot time, in [ns].
+        face: Base face, or None.
+        detail: For people.
+        settled: All joints have been slower than the rest speed for 0.2 s.
+        joints_m: Shape (12, 3), in [m].
+        box_m: Shape (3,), in [m].
+    """
+
+    robot_time_ns: int
+    face: str | None
+    detail: str
+    settled: bool
+    joints_m: NDArray[np.float64]
+    box_m: NDArray[np.float64]
+
+
+class Body(Protocol):
+    """What the board's outputs drive. Time is the body's own, in [s], from 0."""
+
+    @property
+    def time_s(self) -> float:
+        """How far it has come."""
+        ...
+
+    def set_targets(self, lengths_m: NDArray[np.float64]) -> None:
+        """Six rest lengths in [m] for the actuators to drive to; NaN leaves a strut as it is."""
+        ...
+
+    def advance_to(self, time_s: float) -> None:
+        """Steps to the last whole step not after ``time_s``."""
+        ...
+
+    def observe(self) -> Observation:
+        """What can be seen now."""
+        ...
+
+
+class SimulatedBody:
+    """A robot of ``sim_core`` with perturbed parameters, drawn here and told to nobody."""
+
+    def __init__(self, face: str, perturbation: float, seed: int) -> None:
+        from sim_core.model import build_model
+        from sim_core.parameters import load_prototype
+        from sim_core.perturbation import perturb
+        from sim_core.robot import Robot
+
+        prototype = load_prototype()
+        self.mid_stroke_length_m = prototype.strut_length_m
+        model = perturb(build_model(prototype), perturbation, seed) if perturbation else build_model(prototype)
+        self._steps_per_second = int(model.steps_per_second)
+        self._robot = Robot.resting_on(model, face)
+        self._first_step = self._robot.step
+        self._targets_m = np.full(6, self.mid_stroke_length_m)
+        self._moved_s = -REST_S
+
+    @property
+    def time_s(self) -> float:
+        """Robot time in [s]: whole steps since the start."""
+        return self._steps / self._steps_per_second
+
+    @property
+    def _steps(self) -> int:
+        return self._robot.step - self._first_step
+
+    def set_targets(self, lengths_m: NDArray[np.float64]) -> None:
+        """See :class:`Body`."""
+        targets_m = np.where(np.isnan(lengths_m), self._targets_m, lengths_m)
+        if not np.array_equal(targets_m, self._targets_m):
+            self._targets_m = targets_m
+            self._robot.set_targets(targets_m)
+
+    def advance_to(self, time_s: float) -> None:
+        """See :class:`Body`."""
+        steps = int(time_s * self._steps_per_second) - self._steps
+        if steps > 0:
+            self._robot.advance(steps)
+            if not self._robot.is_slow():
+                self._moved_s = self.time_s
+
+    def observe(self) -> Observation:
+        """See :class:`Body`."""
+        footing = self._robot.footing()
+        return Observation(
+            robot_time_ns=self._steps * 1_000_000_000 // self._steps_per_second,
+            face=footing.face,
+            detail=footing.detail,
+            settled=self.time_s - self._moved_s >= REST_S,
+            joints_m=self._robot.joints_m(),
+            box_m=self._robot.box_m(),
+        )

@@ -1,0 +1,118 @@
+"""The loop that joins port, board, body and observer in robot time."""
+
+from __future__ import annotations
+
+import os
+import secrets
+import select
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware_bridge.calibration import Calibration
+from hardware_bridge.clock import RobotClock
+from hardware_bridge.virtual_port import Handshake, observer_path
+from hardware_bridge.virtual_prototype.board import LscBoard, Outputs
+from hardware_bridge.virtual_prototype.body import Body
+from hardware_bridge.virtual_prototype.observer import PERIOD_S, Observer
+from hardware_bridge.virtual_prototype.pseudo_port import PseudoPort
+
+SLICE_S = 0.01
+"""Robot time between looks at the outputs."""
+
+CHUNK_S = 0.1
+"""The most robot time that the body catches up with before the port is served again."""
+
+_MOST_WAITING_BYTES = 256
+
+
+class VirtualPrototype:
+    """A robot behind ``link``, alive from construction to ``close``.
+
+    The serial side keeps up with the clock; the body may fall behind (a slow computer, a stall) and then catches up in
+    chunks, obeying each order at the robot time at which the board got it.
+
+    Args:
+        link: Where the pty is linked; see ``virtual_port`` for the files beside it.
+        body: What the outputs drive.
+        calibration: The prototype's own, true one.
+        baud: Rate between Bluetooth module and board, in robot time.
+        time_scale: Robot seconds per second.
+
+    Raises:
+        PrototypeError: The link is taken, or cannot be made.
+    """
+
+    def __init__(
+        self, link: Path, body: Body, calibration: Calibration, baud: int = 9600, time_scale: float = 1.0
+    ) -> None:
+        self._body = body
+        self._calibration = calibration
+        self._board = LscBoard(baud)
+        self._outputs = Outputs()
+        self._time_scale = time_scale
+        self._port = PseudoPort(link)
+        try:
+            self._observer = Observer(observer_path(link))
+            self._clock = RobotClock(time_scale)
+            instance, observer = secrets.token_hex(8), str(self._observer.path)
+            self._port.announce(Handshake(os.getpid(), instance, self._port.device, time_scale, observer))
+        except BaseException:
+            self._port.close()
+            raise
+        self._observe_s = 0.0
+
+    def run(self, ended: Callable[[], bool]) -> None:
+        """Lives until ``ended`` says so; it is asked at least every 50 ms."""
+        while not ended():
+            self.turn()
+
+    def turn(self) -> None:
+        """One round: bytes in, replies out, a chunk of the body's time, observations. Waits less than 50 ms."""
+        slack_s = (self._body.time_s + SLICE_S - self._now_s()) / self._time_scale
+        full = self._board.waiting_bytes >= _MOST_WAITING_BYTES
+        readers: list[PseudoPort | Observer] = [self._observer] if full else [self._port, self._observer]
+        readable, _, _ = select.select(readers, [], [], min(max(slack_s, 0.0), 0.02))
+        if self._observer in readable:
+            self._observer.accept()
+        now_s = self._now_s()
+        if self._port in readable:
+            self._board.receive(self._port.read(_MOST_WAITING_BYTES), now_s)
+        reply = self._board.process(now_s)
+        if reply:
+            self._port.write(reply)
+        self._advance_body(min(now_s, self._body.time_s + CHUNK_S))
+
+    def close(self) -> None:
+        """Removes everything that was put beside the link, and the link."""
+        self._observer.close()
+        self._port.close()
+
+    def _now_s(self) -> float:
+        return self._clock.now_ns() * 1e-9
+
+    def _advance_body(self, until_s: float) -> None:
+        orders = self._board.orders
+        while self._body.time_s + SLICE_S <= until_s:
+            time_s = self._body.time_s + SLICE_S
+            while orders and orders[0][0] <= time_s:
+                at_s, order = orders.popleft()
+                self._outputs.follow(order, at_s)
+            self._body.set_targets(self._targets_m(time_s))
+            before_s = self._body.time_s
+            self._body.advance_to(time_s + 1e-9)
+            if self._body.time_s >= self._observe_s:
+                self._observe_s += PERIOD_S
+                self._observer.tell(self._body.observe())
+            if self._body.time_s <= before_s:
+                return
+
+    def _targets_m(self, time_s: float) -> NDArray[np.float64]:
+        lengths_m = np.full(6, np.nan)
+        for index, strut in enumerate(self._calibration.struts):
+            pulse_us = self._outputs.pulse_us(strut.channel, time_s)
+            stroke_mm = (pulse_us - strut.pulse_at_zero_us - strut.trim_us) / (strut.direction * strut.us_per_mm)
+            lengths_m[index] = self._calibration.mid_stroke_length_m + stroke_mm * 1e-3
+        return lengths_m
