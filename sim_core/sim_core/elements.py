@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, fields
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,7 +134,7 @@ def elements_of(prototype: Prototype) -> Elements:
             frame.append(_strut_frame(strut))
             mass.append(prototype.actuator_mass_kg / per_strut)
             inertia.append(prototype.strut_particle_inertia_kg_m2)
-        beam_ends += list(zip(chain[:-1], chain[1:], strict=True))
+        beam_ends += list(pairwise(chain))
     box = len(position)
     position.append(np.zeros(3))
     frame.append(np.eye(3))

@@ -9,13 +9,15 @@ small integer tables. A step is
 
 Formulas (symbols as in docs/model.md):
 
-* beam: elastic potential U = EA/2l0 (l − l0)² + EI/l0 · 2(θ1·θ1 + θ1·θ2 + θ2·θ2) + GJ/2l0 φ² with θi = e × aᵢ, the small rotation from the chord e
+* beam: elastic potential U = EA/2l0 (l − l0)² + EI/l0 · 2(θ1·θ1 + θ1·θ2 + θ2·θ2) + GJ/2l0 φ² with θi = e × aᵢ, the small
+  rotation from the chord e
   to the end's axis aᵢ, and φ the twist; forces and moments are its exact derivatives, so a free body keeps energy, momentum and
   angular momentum. To first order they are mᵢ = (EI/l0)(4θᵢ + 2θⱼ) ± (GJ/l0) φ e and f₂ = N e + e × (m₁ + m₂)/l.
 * cable: max(0, k (l − l0)) between slave points of two rigid bodies.
 * contact: N = max(0, k_n δ − c_n v_n); a tangential spring-damper sticks while |F_t| ≤ μ_s N, then slides with μ_k N until the
   spring-damper's own force falls below that.
-* rotation: spatial spin s advanced by the moment; ω = R I⁻¹ Rᵀ s at mid-step; orientation by the Cayley map (order 2, no trigonometry).
+* rotation: spatial spin s advanced by the moment; ω = R I⁻¹ Rᵀ s at mid-step; orientation by the Cayley map (order 2, no
+  trigonometry).
 """
 
 from __future__ import annotations
@@ -32,7 +34,8 @@ from sim_core.lanes import any_of, larger, root, select, smaller
 X, V, Q, S, PARTICLE_ROWS = 0, 3, 6, 10, 13
 # Rows of one particle in `par`: Δt/mass, 1/inertia about its own axes, weight (force of gravity).
 DT_M, INV_I, WEIGHT, PARTICLE_PAR = 0, 1, 4, 7
-# Rows of one strut in `state`: rest length, target rest length, largest axial force (magnitude) since it was last zeroed, axial force now.
+# Rows of one strut in `state`: rest length, target rest length, largest axial force (magnitude) since it was last zeroed,
+# axial force now.
 REST, TARGET, PEAK, AXIAL, STRUT_ROWS = 0, 1, 2, 3, 4
 # Rows of one strut in `par`: largest change of rest length in a step.
 STRUT_PAR = 1
@@ -177,12 +180,7 @@ def _beam(state, par, work, p1, p2, rest, b):
     fy = axial * ey + (gy - along * ey) / length
     fz = axial * ez + (gz - along * ez) / length
     # moment that end i feels: −[(e·aᵢ) mᵢ − (aᵢ·mᵢ) e], and the twist's share
-    twist = (
-        0.25
-        * par[b + GJ]
-        / rest
-        * (b2x * c1x + b2y * c1y + b2z * c1z - c2x * b1x - c2y * b1y - c2z * b1z)
-    )
+    twist = 0.25 * par[b + GJ] / rest * (b2x * c1x + b2y * c1y + b2z * c1z - c2x * b1x - c2y * b1y - c2z * b1z)
     h1x, h1y, h1z = _cross(b2x, b2y, b2z, c1x, c1y, c1z)
     h2x, h2y, h2z = _cross(b1x, b1y, b1z, c2x, c2y, c2z)
     hx, hy, hz = twist * (h1x + h2x), twist * (h1y + h2y), twist * (h1z + h2z)
@@ -340,7 +338,7 @@ def _integrate(state, par, work, particles, dt, zeta):
         qw, qx, qy, qz = state[x + Q], state[x + Q + 1], state[x + Q + 2], state[x + Q + 3]
         # ω with R at mid-step: half a step with the ω of now, then the full step with that ω
         wx, wy, wz = _spin_to_turn(par, work, p, sx, sy, sz)
-        hw, hx, hy, hz = _turned(qw, qx, qy, qz, wx, wy, wz, 0.25 * dt)
+        hw, hx, hy, hz = turned(qw, qx, qy, qz, wx, wy, wz, 0.25 * dt)
         (
             work[w],
             work[w + 1],
@@ -353,13 +351,11 @@ def _integrate(state, par, work, particles, dt, zeta):
             work[w + 8],
         ) = _matrix(hw, hx, hy, hz)
         wx, wy, wz = _spin_to_turn(par, work, p, sx, sy, sz)
-        state[x + Q], state[x + Q + 1], state[x + Q + 2], state[x + Q + 3] = _turned(
-            qw, qx, qy, qz, wx, wy, wz, 0.5 * dt
-        )
+        state[x + Q], state[x + Q + 1], state[x + Q + 2], state[x + Q + 3] = turned(qw, qx, qy, qz, wx, wy, wz, 0.5 * dt)
 
 
 @njit(cache=True)
-def _turned(qw, qx, qy, qz, wx, wy, wz, half):
+def turned(qw, qx, qy, qz, wx, wy, wz, half):
     """The quaternion turned by the spatial angular velocity for 2·half seconds: Cayley map, normalised."""
     ax, ay, az = half * wx, half * wy, half * wz
     nw = qw - ax * qx - ay * qy - az * qz

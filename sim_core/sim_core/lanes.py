@@ -1,6 +1,7 @@
 """The few operations that the kernels' formulas use beside + − × ÷.
 
-The kernels are written branch-free per robot on these, on flat rows of numbers, so that the same source can be compiled for one robot
+The kernels are written branch-free per robot on these, on flat rows of numbers, so that the same source can be compiled for
+one robot
 (a row is a float64) or for robots side by side in the lanes of the vector unit (a row is a vector). No fast-math, no trigonometry:
 one robot gives the same bits however it is run.
 """

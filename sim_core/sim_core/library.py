@@ -139,7 +139,8 @@ def parse_library(document: Any, where: str) -> Library:
             roll_class = CLASSES[row["class"]]
         except (KeyError, TypeError, AttributeError) as error:
             raise LibraryError(
-                f"{where}: primitive {number} is {row!r}; valid is {{name, class: {' or '.join(CLASSES)}, policy_mm: [six whole mm]}}"
+                f"{where}: primitive {number} is {row!r}; "
+                f"valid is {{name, class: {' or '.join(CLASSES)}, policy_mm: [six whole mm]}}"
             ) from error
         except PolicyError as error:
             raise LibraryError(f"{where}: primitive {number}: {error}") from error

@@ -207,6 +207,11 @@ def load_entries(path: Path | str | None = None) -> tuple[Entry, ...]:
         mark = getattr(error, "problem_mark", None)
         where = f" at line {mark.line + 1}" if mark else ""
         raise ParameterError(f"{file} is not valid YAML{where}: {getattr(error, 'problem', None) or error}") from error
+    return parse_entries(document, str(file))
+
+
+def parse_entries(document: Any, file: str) -> tuple[Entry, ...]:
+    """The checked rows of a parsed prototype YAML; `file` names it in errors. Raises ParameterError."""
     if not isinstance(document, Mapping):
         raise ParameterError(f"{file} is not a prototype file: valid is a mapping of parameters, as in {default_path()}")
     if document.get("schema") != SCHEMA:
@@ -219,7 +224,7 @@ def load_entries(path: Path | str | None = None) -> tuple[Entry, ...]:
     return tuple(_entry(file, name, row) for name, row in given.items())
 
 
-def _entry(file: Path, name: str, row: Any) -> Entry:
+def _entry(file: str, name: str, row: Any) -> Entry:
     if not isinstance(row, Mapping) or not {"value", "unit", "source"} <= row.keys():
         raise ParameterError(f"{file}: {name} must be {{value: ..., unit: ..., source: ...}}, got {row!r}")
     if str(row["unit"]) != SPECS[name].unit:
@@ -236,3 +241,8 @@ def _entry(file: Path, name: str, row: Any) -> Entry:
 def load_prototype(path: Path | str | None = None) -> Prototype:
     """The prototype of a YAML file (default: the nominal one). Raises ParameterError."""
     return Prototype(**{entry.name: entry.value for entry in load_entries(path)})
+
+
+def parse_prototype(document: Any, file: str) -> Prototype:
+    """The prototype of a parsed YAML; `file` names it in errors. Raises ParameterError."""
+    return Prototype(**{entry.name: entry.value for entry in parse_entries(document, file)})

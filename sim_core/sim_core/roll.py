@@ -111,7 +111,7 @@ def roll(
     model: Model,
     source: str,
     target: str,
-    policy: Sequence[int],
+    policy: Sequence[float],
     *,
     start: Robot | None = None,
     trace: list[Sample] | None = None,
@@ -132,9 +132,7 @@ def roll(
     return follow_policy(robot, source, target, checked, trace)
 
 
-def follow_policy(
-    robot: Robot, source: str, target: str | None, policy: Policy, trace: list[Sample] | None = None
-) -> RollResult:
+def follow_policy(robot: Robot, source: str, target: str | None, policy: Policy, trace: list[Sample] | None = None) -> RollResult:
     """`roll` without its checks; with target None the roll is judged against the face it lands on."""
     model = robot.model
     began, start_m = robot.step, robot.center_of_mass_m()
@@ -162,8 +160,7 @@ def follow_policy(
         reason = f"strut force reached {peak:.1f} N; allowed are {allowed:.1f} N"
     if not reason and watch.clearance_m < model.prototype.clearance_margin_m:
         reason = (
-            f"clearance fell to {1e3 * watch.clearance_m:.1f} mm; "
-            f"required are {1e3 * model.prototype.clearance_margin_m:.1f} mm"
+            f"clearance fell to {1e3 * watch.clearance_m:.1f} mm; required are {1e3 * model.prototype.clearance_margin_m:.1f} mm"
         )
     travel = robot.center_of_mass_m() - start_m
     return RollResult(

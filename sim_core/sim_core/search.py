@@ -68,7 +68,8 @@ def search(model: Model, plan: SearchPlan, report: Callable[[Progress], None] = 
         kept += ranked[: plan.keep]
     named = tuple(replace(p, name=f"P{i}") for i, p in enumerate(kept, start=1))
     provenance = {
-        "how": "seeded uniform random policies, feasible on the nominal model, ranked by success over 24 gaits on training prototypes",
+        "how": "seeded uniform random policies, feasible on the nominal model, "
+        "ranked by success over 24 gaits on training prototypes",
         "plan": {**vars(plan)},
         "policies_tried": tried_in_all,
         "perturbation_law": LAW,
@@ -82,9 +83,7 @@ def _draws(limit_mm: int, seed: list[int]) -> Iterator[Policy]:
         yield checked_policy(rng.integers(-limit_mm, limit_mm + 1, 6).tolist(), limit_mm)
 
 
-def _find(
-    model: Model, roll_class: RollClass, plan: SearchPlan, report: Callable[[Progress], None]
-) -> tuple[list[Primitive], int]:
+def _find(model: Model, roll_class: RollClass, plan: SearchPlan, report: Callable[[Progress], None]) -> tuple[list[Primitive], int]:
     resting = Robot.resting_on(model, roll_class.source)
     found: list[Primitive] = []
     draws = _draws(model.prototype.policy_limit_mm, [plan.seed, list(CLASSES).index(roll_class.name)])

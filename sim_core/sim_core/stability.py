@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from sim_core import kernel as k
@@ -33,7 +35,7 @@ def stiffness(state: Array, par: Array, topology: k.Topology) -> Array:
                     spin = np.zeros(3)
                     spin[axis - 3] = 1.0
                     q = moved[x + k.Q : x + k.Q + 4]
-                    q[:] = k._turned.py_func(*q, *spin, 0.5 * sign * step)
+                    q[:] = k.turned(*q, *spin, 0.5 * sign * step)
                 k.forces(moved, par, work, topology, 1.0, NO_GROUND)
                 table = work.reshape(particles, k.WORK_ROWS)
                 sides.append(np.concatenate([table[:, k.F : k.F + 3], table[:, k.M : k.M + 3]], axis=1).ravel())
@@ -41,7 +43,7 @@ def stiffness(state: Array, par: Array, topology: k.Topology) -> Array:
     return np.array(columns).T
 
 
-def ground_stiffness(e: Elements, frames: Array, joints: Array) -> Array:
+def ground_stiffness(e: Elements, frames: Array, joints: Iterable[int]) -> Array:
     """Stiffness of closed, sticking contacts at every contact point of the given joints, (6P, 6P).
 
     Args:
@@ -81,7 +83,8 @@ def largest_stable_step_s(e: Elements, topology: k.Topology, par: Array, stroke_
         chain = np.unique(e.beam_ends[e.beam_strut == strut])
         middle = e.position_m[chain].mean(axis=0)
         table[chain, k.X : k.X + 3] = middle + (e.position_m[chain] - middle) * shortest[strut] / e.strut_mid_m[strut]
-    total = stiffness(state, par, topology) + ground_stiffness(e, e.frame, np.arange(k.JOINTS))
+    total: Array = stiffness(state, par, topology)
+    total += ground_stiffness(e, e.frame, range(k.JOINTS))
     scale = 1.0 / np.sqrt(mass_diagonal(e))
     omega_squared = np.linalg.eigvalsh(0.5 * scale[:, None] * (total + total.T) * scale[None, :])[-1]
     return float(2.0 / np.sqrt(omega_squared))

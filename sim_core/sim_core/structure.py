@@ -41,9 +41,7 @@ TENDON_LENGTH = float(np.sqrt(6) / 4)
 
 def _tendons() -> tuple[tuple[int, int], ...]:
     return tuple(
-        (i, j)
-        for i, j in combinations(range(12), 2)
-        if abs(float(np.linalg.norm(NODES[i] - NODES[j])) - TENDON_LENGTH) < 1e-9
+        (i, j) for i, j in combinations(range(12), 2) if abs(float(np.linalg.norm(NODES[i] - NODES[j])) - TENDON_LENGTH) < 1e-9
     )
 
 

@@ -16,9 +16,7 @@ def stream(model, policy, seconds=8.0, seen=()):
     timed = [(t, lengths if t >= 500 * MS else neutral) for t in range(0, int(seconds * 1000) * MS, 50 * MS)]
     timed += [(int(t * 1000) * MS + 1, (face, settled)) for t, face, settled in seen]
     timed.sort(key=lambda item: item[0])
-    return [
-        Observed(seq, t, *what) if len(what) == 2 else Sent(seq, t, what) for seq, (t, what) in enumerate(timed, start=40)
-    ]
+    return [Observed(seq, t, *what) if len(what) == 2 else Sent(seq, t, what) for seq, (t, what) in enumerate(timed, start=40)]
 
 
 def followed(model, events, face="TC6"):

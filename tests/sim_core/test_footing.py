@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from sim_core.footing import clearance_m, judge_footing
-from sim_core.structure import FACES, NODES
 from sim_core.robot import Robot
+from sim_core.structure import FACES, NODES
 
 DOWN = np.array([0.0, 0.0, -1.0])
 

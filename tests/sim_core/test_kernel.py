@@ -74,7 +74,7 @@ def test_forces_are_the_exact_derivatives_of_the_elastic_energy(prototype, eleme
                     moved[row + axis] += sign * h
                 else:
                     spin = np.eye(3)[axis - 3]
-                    moved[row + k.Q : row + k.Q + 4] = k._turned.py_func(*moved[row + k.Q : row + k.Q + 4], *spin, sign * h / 2)
+                    moved[row + k.Q : row + k.Q + 4] = k.turned(*moved[row + k.Q : row + k.Q + 4], *spin, sign * h / 2)
                 energies.append(elastic_energy(model, moved))
             assert computed[p, axis] == pytest.approx(-(energies[0] - energies[1]) / (2 * h), abs=2e-6, rel=1e-6)
 
@@ -96,7 +96,7 @@ def test_a_bent_strut_answers_with_4ei_and_2ei_over_l(prototype):
     robot, angle = raised(without_ropes(prototype)), 1e-4
     row = robot._particles[0]
     axis = matrix_of(row[k.Q : k.Q + 4])[:, 1]
-    row[k.Q : k.Q + 4] = k._turned.py_func(*row[k.Q : k.Q + 4], *axis, angle / 2)
+    row[k.Q : k.Q + 4] = k.turned(*row[k.Q : k.Q + 4], *axis, angle / 2)
     moments = element_forces(robot)[:, 3:]
     ei_l = prototype.strut_bending_stiffness_n_m2 / prototype.strut_length_m
     assert moments[0] @ axis == pytest.approx(-4 * ei_l * angle, rel=1e-6)

@@ -55,7 +55,7 @@ def test_writing_and_reading_keeps_everything(first, tmp_path):
 
 
 def test_an_unknown_library_is_refused_naming_the_shipped_ones():
-    with pytest.raises(LibraryError, match="shipped are: .*first"):
+    with pytest.raises(LibraryError, match=r"shipped are: .*first"):
         load_library("best")
 
 

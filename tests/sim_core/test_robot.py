@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from sim_core.errors import UnknownFaceError
+from sim_core.policy import lengths_of
 from sim_core.robot import Robot
 from sim_core.structure import FACES
 from sim_core.symmetry import GROUP, TC_TO, TO_TC
-from sim_core.policy import lengths_of
 
 
 @pytest.mark.parametrize("face", FACES)
@@ -54,9 +54,7 @@ def isometry(source, image):
     return u @ vt
 
 
-@pytest.mark.parametrize(
-    ("roll_class", "policy"), [(TC_TO, (-31, 36, 17, 37, -34, -43)), (TO_TC, (43, -33, -33, -10, -4, -15))]
-)
+@pytest.mark.parametrize(("roll_class", "policy"), [(TC_TO, (-31, 36, 17, 37, -34, -43)), (TO_TC, (43, -33, -33, -10, -4, -15))])
 def test_every_symmetry_of_the_group_carries_the_whole_motion(model, roll_class, policy):
     """model of docs/model.md "The 24 gaits": x′ = Q x + t to 1e-9 L up to the first tip, the same face after it."""
     tolerance = 1e-9 * model.prototype.strut_length_m

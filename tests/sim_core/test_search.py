@@ -1,6 +1,6 @@
+from sim_core import search as module
 from sim_core.search import SearchPlan, search
 from sim_core.symmetry import TO_TC
-from sim_core import search as module
 
 
 def test_a_seeded_search_finds_the_same_feasible_primitives_again(model, monkeypatch):

@@ -2,16 +2,24 @@ import numpy as np
 import pytest
 
 from sim_core.errors import NotAdjacentError, UnknownFaceError
-from sim_core.structure import FACES, NEIGHBOURS, NODES, PAIRS, STRUTS, TENDON_LENGTH, TENDONS, require_adjacent, require_face
+from sim_core.structure import (
+    FACES,
+    NEIGHBOURS,
+    NODES,
+    PAIRS,
+    STRUTS,
+    TENDON_LENGTH,
+    TENDONS,
+    require_adjacent,
+    require_face,
+)
 
 
 def test_six_parallel_pairs_of_struts_at_half_a_length():
     axes = np.array([NODES[b] - NODES[a] for a, b in STRUTS])
     assert np.allclose(np.linalg.norm(axes, axis=1), 1.0)
     middles = np.array([(NODES[a] + NODES[b]) / 2 for a, b in STRUTS])
-    partners = [
-        [j for j in range(6) if j != i and abs(abs(axes[i] @ axes[j]) - 1.0) < 1e-12] for i in range(6)
-    ]
+    partners = [[j for j in range(6) if j != i and abs(abs(axes[i] @ axes[j]) - 1.0) < 1e-12] for i in range(6)]
     assert [len(p) for p in partners] == [1] * 6
     assert all(np.isclose(np.linalg.norm(middles[i] - middles[p[0]]), 0.5) for i, p in enumerate(partners))
 
@@ -64,5 +72,5 @@ def test_an_unknown_face_is_refused_naming_the_valid_ones():
 
 
 def test_a_pair_that_is_not_adjacent_is_refused_naming_the_neighbours():
-    with pytest.raises(NotAdjacentError, match="TO1 is not adjacent to TC6.*TO5, TO7, TO9"):
+    with pytest.raises(NotAdjacentError, match=r"TO1 is not adjacent to TC6.*TO5, TO7, TO9"):
         require_adjacent("TC6", "TO1")

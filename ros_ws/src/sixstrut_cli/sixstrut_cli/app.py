@@ -79,9 +79,7 @@ def build(arguments: Sequence[str]) -> typer.Typer:
 
 
 def _frame(
-    debug: Annotated[
-        bool, typer.Option("--debug", envvar="SIXSTRUT_DEBUG", help="Show the traceback of an error.")
-    ] = False,
+    debug: Annotated[bool, typer.Option("--debug", envvar="SIXSTRUT_DEBUG", help="Show the traceback of an error.")] = False,
 ) -> None:
     """A six-strut rolling tensegrity robot: its model, its gaits, its ROS 2 nodes."""
 

@@ -1,0 +1,123 @@
+"""Stepping the twin through a bag's event stream."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import yaml
+
+from hardware_bridge.bag_reader import Session
+from hardware_bridge.errors import BridgeError
+from sim_core.follow import Event, Follower, Observed, Sent
+from sim_core.model import Model, build_model
+from sim_core.parameters import load_prototype, parse_prototype
+
+
+class ReplayError(BridgeError):
+    """A bag that the twin cannot follow."""
+
+
+@dataclass(frozen=True)
+class FaceCheck:
+    """Where twin and robot stood when the robot had settled: robot time (s), faces, whose word the face is."""
+
+    time_s: float
+    predicted: str | None
+    observed: str | None
+    source: str
+
+    @property
+    def agrees(self) -> bool:
+        return self.predicted == self.observed
+
+
+@dataclass
+class Replay:
+    """What a replay found.
+
+    Attributes:
+        digest: sha256 of the twin's final state. step: its step count. model_hash: of the model used.
+        live_states: states of the live twin in the bag that can be compared. same_states: those with the same bits.
+        faces: twin against record at every settled observation.
+        final: the twin's last face; recorded: the last face seen (None: nobody looked).
+        times_s, twin_m: path of the twin's centre, (n,) and (n, 3). lengths_m: sent rest lengths, (n, 6).
+        resets: observations that contradicted the twin.
+    """
+
+    digest: str = ""
+    step: int = 0
+    model_hash: str = ""
+    live_states: int = 0
+    same_states: int = 0
+    first_difference: int | None = None
+    faces: list[FaceCheck] = field(default_factory=list)
+    final: str | None = None
+    recorded: str | None = None
+    times_s: list[float] = field(default_factory=list)
+    twin_m: list[np.ndarray] = field(default_factory=list)
+    lengths_m: list[tuple[float, ...]] = field(default_factory=list)
+    resets: int = 0
+
+
+def model_of(session: Session) -> Model:
+    """The model whose parameters the bag holds; the nominal one if it holds none."""
+    data = session.attachments.get("prototype.yaml")
+    if data is None:
+        return build_model(load_prototype())
+    return build_model(parse_prototype(yaml.safe_load(data), f"{session.path}: prototype.yaml"))
+
+
+def events_of(session: Session) -> list[Event]:
+    """The bag's event stream in the order of its numbers. Raises ReplayError if it has none."""
+    events: list[Event] = [
+        Sent(m.seq, m.robot_time_ns, tuple(float(v) for v in m.length_m)) for m in session.of("bridge/struts_sent")
+    ]
+    events += [Observed(m.seq, m.robot_time_ns, m.face or None, m.settled) for m in session.of("bridge/face")]
+    if not any(isinstance(event, Sent) for event in events):
+        raise ReplayError(f"{session.path} holds no sent commands (topic bridge/struts_sent): nothing to replay")
+    return sorted(events, key=lambda event: event.seq)
+
+
+def replay(session: Session, model: Model | None = None, report: Callable[[int, int], None] = lambda done, total: None) -> Replay:
+    """Step a fresh twin through the bag; compare bits with the live twin's and faces with those observed.
+
+    Args:
+        model: default: the bag's own. report: called with (events done, total).
+    """
+    model = model or model_of(session)
+    events = events_of(session)
+    live = {m.last_seq: m for m in session.of("twin/state") if m.last_seq > 0}
+    sources = {m.seq: m.source for m in session.of("bridge/face")}
+    first_seq = min((m.first_seq for m in live.values()), default=events[0].seq)
+    before = [e for e in events if isinstance(e, Observed) and e.seq < first_seq and e.face]
+    start = (before[-1].face if before else None) or _start_face(session)
+    events = [event for event in events if event.seq >= first_seq]
+    follower, result = Follower(model, start), Replay(model_hash=model.hash)
+    began_s = events[0].robot_time_ns / 1e9
+    for done, event in enumerate(events, start=1):
+        follower.apply(event)
+        if isinstance(event, Sent):
+            result.times_s.append(event.robot_time_ns / 1e9 - began_s)
+            result.lengths_m.append(event.lengths_m)
+            result.twin_m.append(follower.robot.joints_m().mean(axis=0))
+        elif event.settled:
+            predicted = follower.robot.footing().face
+            result.faces.append(FaceCheck(event.robot_time_ns / 1e9 - began_s, predicted, event.face, sources[event.seq]))
+            result.recorded = event.face
+        state = live.get(event.seq)
+        if state is not None and state.first_seq == follower.first_seq and state.model_hash == model.hash:
+            result.live_states += 1
+            if (state.digest, state.step) == (follower.digest(), follower.step):
+                result.same_states += 1
+            elif result.first_difference is None:
+                result.first_difference = event.seq
+        report(done, len(events))
+    result.digest, result.step, result.resets = follower.digest(), follower.step, follower.resets
+    result.final = follower.robot.footing().face
+    return result
+
+
+def _start_face(session: Session) -> str:
+    return next((m.face for m in session.of("twin/state") if m.face), "TC6")
