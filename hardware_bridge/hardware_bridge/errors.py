@@ -180,6 +180,19 @@ class RecorderError(BridgeError):
         super().__init__(f"log {path}: {problem}")
 
 
+class SchemaError(BridgeError):
+    """A message type that is not installed."""
+
+    def __init__(self, type_name: str, searched: list[str]) -> None:
+        self.type_name, self.searched = type_name, searched
+        where = f" below {', '.join(searched)}" if searched else ""
+        super().__init__(f"message type {type_name} not found{where}; name it package/msg/Name, source its workspace")
+
+
+class ObserverError(BridgeError):
+    """An observer said something that is no observation."""
+
+
 class PrototypeError(BridgeError):
     """The virtual prototype cannot start."""
 
