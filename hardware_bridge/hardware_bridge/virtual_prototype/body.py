@@ -2,35 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware_bridge.observation import Observation
+
 REST_S = 0.2
 """How long all joints must have been slow for the robot to be settled."""
-
-
-@dataclass(frozen=True, eq=False)
-class Observation:
-    """What a camera above the floor would tell.
-
-    Attributes:
-        robot_time_ns: The prototype's own robot time, in [ns].
-        face: Base face, or None.
-        detail: For people.
-        settled: All joints have been slower than the rest speed for 0.2 s.
-        joints_m: Shape (12, 3), in [m].
-        box_m: Shape (3,), in [m].
-    """
-
-    robot_time_ns: int
-    face: str | None
-    detail: str
-    settled: bool
-    joints_m: NDArray[np.float64]
-    box_m: NDArray[np.float64]
 
 
 class Body(Protocol):

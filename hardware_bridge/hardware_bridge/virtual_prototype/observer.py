@@ -7,12 +7,11 @@ null ``face`` on no face. A client that does not read loses observations, never 
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import socket
 from pathlib import Path
 
-from hardware_bridge.virtual_prototype.body import Observation
+from hardware_bridge.observation import Observation, encode_observation
 
 PERIOD_S = 0.05
 _MAX_CLIENTS = 16
@@ -68,16 +67,3 @@ class Observer:
         self._clients.clear()
         self._server.close()
         self.path.unlink(missing_ok=True)
-
-
-def encode_observation(observation: Observation) -> bytes:
-    """One line of JSON, with its end."""
-    data = {
-        "robot_time_ns": observation.robot_time_ns,
-        "face": observation.face,
-        "detail": observation.detail,
-        "settled": observation.settled,
-        "nodes_m": observation.joints_m.tolist(),
-        "box_m": observation.box_m.tolist(),
-    }
-    return json.dumps(data, separators=(",", ":")).encode() + b"\n"

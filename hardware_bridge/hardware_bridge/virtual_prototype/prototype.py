@@ -45,9 +45,7 @@ class VirtualPrototype:
         PrototypeError: The link is taken, or cannot be made.
     """
 
-    def __init__(
-        self, link: Path, body: Body, calibration: Calibration, baud: int = 9600, time_scale: float = 1.0
-    ) -> None:
+    def __init__(self, link: Path, body: Body, calibration: Calibration, baud: int = 9600, time_scale: float = 1.0) -> None:
         self._body = body
         self._calibration = calibration
         self._board = LscBoard(baud)

@@ -1,0 +1,64 @@
+"""What an observer outside the robot sees, and its one line of JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hardware_bridge.errors import ObserverError
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What a camera above the floor would tell.
+
+    Attributes:
+        robot_time_ns: The observer's own robot time, in [ns]; not the bridge's.
+        face: Base face, or None.
+        detail: For people.
+        settled: All joints have been slower than the rest speed for 0.2 s.
+        joints_m: Shape (12, 3), in [m].
+        box_m: Shape (3,), in [m].
+    """
+
+    robot_time_ns: int
+    face: str | None
+    detail: str
+    settled: bool
+    joints_m: NDArray[np.float64]
+    box_m: NDArray[np.float64]
+
+
+def encode_observation(observation: Observation) -> bytes:
+    """One line of JSON, with its end."""
+    data = {
+        "robot_time_ns": observation.robot_time_ns,
+        "face": observation.face,
+        "detail": observation.detail,
+        "settled": observation.settled,
+        "nodes_m": observation.joints_m.tolist(),
+        "box_m": observation.box_m.tolist(),
+    }
+    return json.dumps(data, separators=(",", ":")).encode() + b"\n"
+
+
+def decode_observation(line: bytes) -> Observation:
+    """The observation in a line.
+
+    Raises:
+        ObserverError: It is none.
+    """
+    try:
+        data = json.loads(line)
+        joints_m = np.array(data["nodes_m"], dtype=np.float64)
+        box_m = np.array(data["box_m"], dtype=np.float64)
+        if joints_m.shape != (12, 3) or box_m.shape != (3,):
+            raise ValueError(f"nodes have shape {joints_m.shape}, valid is (12, 3)")
+        face = None if data["face"] is None else str(data["face"])
+        detail, settled = str(data.get("detail", "")), bool(data["settled"])
+        return Observation(int(data["robot_time_ns"]), face, detail, settled, joints_m, box_m)
+    except (ValueError, KeyError, TypeError) as error:
+        raise ObserverError(f"a line is no observation ({error}); is it the observer's socket?") from error
