@@ -35,7 +35,7 @@ def stiffness(state: Array, par: Array, topology: k.Topology) -> Array:
                     spin = np.zeros(3)
                     spin[axis - 3] = 1.0
                     q = moved[x + k.Q : x + k.Q + 4]
-                    q[:] = k.turned(*q, *spin, 0.5 * sign * step)
+                    q[:] = k.turned(q[0], q[1], q[2], q[3], spin[0], spin[1], spin[2], 0.5 * sign * step)
                 k.forces(moved, par, work, topology, 1.0, NO_GROUND)
                 table = work.reshape(particles, k.WORK_ROWS)
                 sides.append(np.concatenate([table[:, k.F : k.F + 3], table[:, k.M : k.M + 3]], axis=1).ravel())

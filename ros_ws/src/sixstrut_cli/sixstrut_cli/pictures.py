@@ -74,7 +74,7 @@ def roll_picture(result: RollResult, trace: Sequence[Sample], path: Path, title:
 
 
 def observed_path(session: Session) -> tuple[np.ndarray, np.ndarray]:
-    """Robot times (s, from the first sent command) and joints (n, 12, 3) as the observer saw them; ROS stamps are put on robot time."""
+    """Robot times (s, from the first sent command) and joints (n, 12, 3) as the observer saw them."""
     sent = list(session.of("bridge/struts_sent"))
     stamps = np.array([_seconds(m.header.stamp) for m in sent])
     robot_s = np.array([m.robot_time_ns / 1e9 for m in sent])

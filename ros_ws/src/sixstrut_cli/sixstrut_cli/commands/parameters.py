@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Annotated
 
 import typer
 
+from sim_core.parameters import Entry
 from sixstrut_cli.commands.options import PrototypeOption
 
 
@@ -61,19 +63,13 @@ def command(
     typer.echo(f"prototype {robot.hash}, model {elements.hash}; --export json writes masses, points and members one by one")
 
 
-def _print_table(entries) -> None:  # type: ignore[no-untyped-def]
+def _print_table(entries: Iterable[Entry]) -> None:
     from rich.console import Console
     from rich.table import Table
 
     table = Table(title="The robot's parameters")
-    for column, justify in (
-        ("parameter", "left"),
-        ("value", "right"),
-        ("unit", "left"),
-        ("source", "left"),
-        ("meaning", "left"),
-    ):
-        table.add_column(column, justify=justify, overflow="fold")
+    for column in ("parameter", "value", "unit", "source", "meaning"):
+        table.add_column(column, justify="right" if column == "value" else "left", overflow="fold")
     for entry in entries:
         values = entry.value if isinstance(entry.value, tuple) else (entry.value,)
         unique = values if len(set(values)) > 1 else values[:1]

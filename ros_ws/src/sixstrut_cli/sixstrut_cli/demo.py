@@ -1,0 +1,223 @@
+"""The demo: starts the virtual prototype and the nodes, arms, rolls, reports, and leaves a bag and a picture."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+
+from hardware_bridge.bag_reader import read_session
+from sim_core.library import load_library
+from sim_core.parameters import load_prototype
+from sim_core.perturbation import LAW
+from sim_core.policy import neutral_lengths
+from sim_core.structure import require_face
+from sim_core.symmetry import GROUP, carrier
+from sixstrut_cli.pictures import session_picture
+from sixstrut_cli.replaying import replay
+from sixstrut_cli.route import next_face, walk
+from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
+
+ROLL_LIMIT_S = 90.0
+"""Robot time that one roll may take, both motions and both settlings."""
+MISSES_ALLOWED = 3
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What the demo does; `time_scale` in robot seconds per second."""
+
+    rolls: int
+    seed: int
+    from_face: str
+    time_scale: float
+    perturbation: float
+    library: str
+    bags: Path
+
+
+class Interrupted(KeyboardInterrupt):
+    """SIGTERM, treated as Ctrl-C."""
+
+
+def run(plan: Plan) -> int:
+    """Run the demo. Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not."""
+    require_face(plan.from_face)
+    load_library(plan.library)
+    plan.bags.mkdir(parents=True, exist_ok=True)
+    os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
+
+    def interrupt(number: int, frame: Any) -> None:
+        raise Interrupted
+
+    signal.signal(signal.SIGTERM, interrupt)
+    console = Console(highlight=False)
+    with tempfile.TemporaryDirectory(prefix="sixstrut-demo-") as folder:
+        return _Demo(plan, Path(folder), console).run()
+
+
+class _Demo:
+    def __init__(self, plan: Plan, folder: Path, console: Console):
+        self.plan, self.folder, self.console = plan, folder, console
+        self.bag: Path | None = None
+        self.mirrors = 0
+        self.done = 0
+        self.tries = 0
+
+    def run(self) -> int:
+        plan = self.plan
+        pace = "real time" if plan.time_scale == 1.0 else f"{plan.time_scale:g} times real time"
+        self.console.print(
+            f"virtual prototype, perturbed by ±{100 * plan.perturbation:g} % (seed {plan.seed}); {pace}; every roll here is virtual"
+        )
+        log_folder = plan.bags / "logs" / time.strftime("%Y%m%d-%H%M%S")
+        stopped = False
+        stack = Stack(log_folder)
+        try:
+            self._start(stack)
+            self._operate(stack)
+        except KeyboardInterrupt:
+            stopped = True
+            self.console.print("\nstopping: the struts are held, the bag is being closed")
+        finally:
+            with _Uninterrupted():
+                codes = stack.stop()
+        self._summary(codes, stopped, log_folder)
+        bad = {name: code for name, code in codes.items() if code != 0}
+        return 0 if not bad and (stopped or self.done >= plan.rolls) else 1
+
+    def _start(self, stack: Stack) -> None:
+        plan = self.plan
+        link = self.folder / "prototype"
+        stack.start(
+            "virtual_prototype",
+            [
+                sys.executable,
+                "-m",
+                "hardware_bridge.virtual_prototype",
+                *("--link", link),
+                *("--face", plan.from_face),
+                *("--seed", str(plan.seed)),
+                *("--perturbation", str(plan.perturbation)),
+                *("--time-scale", str(plan.time_scale)),
+            ],
+        )
+        with self.console.status("starting the virtual prototype"):
+            wait_until(link.exists, 60.0, "the virtual prototype's port", stack)
+        common = {"start_face": plan.from_face}
+        stack.start("twin", [executable("tensegrity_robot", "twin"), *ros_arguments(common)])
+        stack.start("gait_planner", [executable("tensegrity_robot", "gait_planner"), *ros_arguments({"library": plan.library})])
+        bridge = {
+            "port": link,
+            "time_scale": plan.time_scale,
+            "bag_folder": plan.bags.resolve(),
+            "state_folder": self.folder,
+            "library": plan.library,
+        }
+        stack.start("hardware_bridge", [executable("tensegrity_robot", "hardware_bridge"), *ros_arguments(bridge)])
+
+    def _operate(self, stack: Stack) -> None:
+        from sixstrut_cli.operator_client import Operator  # rclpy: only once the processes are on their way
+
+        operator = Operator(stack)
+        try:
+            with self.console.status("waiting for bridge, planner and twin to find each other"):
+                operator.wait_for_stack()
+            self.bag = Path(operator.bridge.bag) if operator.bridge.bag else None
+            with self.console.status("arming: the struts are energised one by one, then go to mid stroke"):
+                operator.arm(neutral_lengths(load_prototype()).tolist())
+            self.console.print(f"armed; standing on {operator.observed.face} ({operator.observed.source})\n")
+            self._rolls(operator)
+            operator.disarm()
+        finally:
+            with _Uninterrupted():
+                operator.close()
+
+    def _rolls(self, operator: Any) -> None:
+        plan = self.plan
+        header = f"{'roll':>4}  {'gait':<22} {'predicted':<10} {'observed':<10} {'robot time':>10}   twin to prototype (mean, max)"
+        self.console.print(header)
+        route, used = walk(plan.from_face, plan.rolls, plan.seed), set[int]()
+        rng, before = random.Random(plan.seed), None
+        misses = 0
+        while self.done < plan.rolls and misses < MISSES_ALLOWED:
+            here = operator.observed.face
+            on_route = here == route[self.done] and not misses
+            target = route[self.done + 1] if on_route else next_face(here, before, used, self.mirrors == 0, rng)
+            element = carrier(here, target)
+            result = self._roll(operator, target)
+            self.tries += 1
+            used.add(GROUP.index(element))
+            distance = operator.distance_m()
+            apart = f"{1e3 * distance[0]:6.1f} mm {1e3 * distance[1]:6.1f} mm" if distance else "not observed"
+            gait = f"{result.primitive} {here}→{target}{'' if element.proper else ' mirror'}"
+            faces = f"{result.predicted_face or 'none':<10} {result.observed_face or 'none':<10}"
+            row = f"{gait:<22} {faces} {result.duration_s:8.1f} s   {apart}"
+            if result.success:
+                self.done += 1
+                misses = 0
+                self.mirrors += not element.proper
+                self.console.print(f"{self.done:>4}  {row}")
+            else:
+                misses += 1
+                self.console.print(f"{'miss':>4}  {row}\n      {result.reason}")
+                if not operator.observed.face:
+                    self.console.print("      the prototype stands on no face: there is no gait from there")
+                    return
+            before = here
+
+    def _roll(self, operator: Any, target: str) -> Any:
+        with self.console.status(f"rolling to {target}") as status:
+
+            def show(feedback: Any) -> None:
+                status.update(
+                    f"rolling to {target}: {feedback.phase}, on {feedback.face or 'no face'}, {100 * feedback.progress:.0f} %"
+                )
+
+            return operator.roll(target, show, 30.0 + ROLL_LIMIT_S / self.plan.time_scale)
+
+    def _summary(self, codes: dict[str, int], stopped: bool, log_folder: Path) -> None:
+        plan, show = self.plan, self.console.print
+        show("")
+        for name, code in codes.items():
+            if code != 0:
+                show(f"warning: {name} ended with exit code {code} (log: {log_folder / name}.log)")
+        kind = f"{self.done} of {plan.rolls} rolls succeeded in {self.tries} tries, {self.mirrors} of them by mirrored gaits"
+        show("stopped by you: struts held, bag closed" if stopped else kind)
+        show(f"perturbation: scale {plan.perturbation:g}, seed {plan.seed}; {LAW}")
+        if self.bag is None or not self.bag.exists():
+            show("no bag was recorded" if self.bag is None else f"the bag {self.bag} is missing")
+            return
+        show(f"bag: {_short(self.bag)}")
+        session = read_session(self.bag)
+        if not any(True for _ in session.of("bridge/struts_sent")):
+            return
+        result = replay(session)
+        picture = self.bag.with_suffix(".png")
+        session_picture(session, result, picture)
+        show(f"picture: {_short(picture)}")
+        show(f"replay it: ./sixstrut replay {_short(self.bag)}   (twin's final state {result.digest[:16]}…)")
+
+
+class _Uninterrupted:
+    """Signals wait while things are being put away: a second Ctrl-C must not lose the bag."""
+
+    def __enter__(self) -> None:
+        self._old = [signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)]
+
+    def __exit__(self, *details: object) -> None:
+        for number, old in zip((signal.SIGINT, signal.SIGTERM), self._old, strict=True):
+            signal.signal(number, old)
+
+
+def _short(path: Path) -> Path:
+    """Relative to where the user is, if below it."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path

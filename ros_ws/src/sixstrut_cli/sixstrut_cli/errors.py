@@ -1,0 +1,9 @@
+"""Errors of the command line: one line, what to do next."""
+
+from __future__ import annotations
+
+from hardware_bridge.errors import BridgeError
+
+
+class StackError(BridgeError):
+    """The stack did not come up, or a part of it died."""

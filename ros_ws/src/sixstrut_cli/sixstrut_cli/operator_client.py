@@ -1,0 +1,132 @@
+"""An operator of the running stack, as a ROS client: arms, rolls, watches."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+import rclpy
+from geometry_msgs.msg import PoseArray
+from rclpy.action import ActionClient
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+
+from sixstrut_cli.errors import StackError
+from sixstrut_cli.stack import Stack, wait_until
+from tensegrity_interfaces.action import Roll
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
+from tensegrity_interfaces.srv import Arm, Disarm
+
+DISCOVERY_LIMIT_S = 30.0
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Operator:
+    """Talks to the stack; every wait has a limit.
+
+    Attributes:
+        bridge, twin, observed: newest bridge state, twin state, face observation; None before the first.
+    """
+
+    def __init__(self, stack: Stack):
+        self._stack = stack
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node("sixstrut_operator")
+        self.bridge: Any = None
+        self.twin: Any = None
+        self.observed: Any = None
+        self._twin_joints: np.ndarray | None = None
+        self._seen_joints: np.ndarray | None = None
+        subscribe = self._node.create_subscription
+        subscribe(BridgeState, "bridge/state", self._keep("bridge"), LATCHED)
+        subscribe(FaceObservation, "bridge/face", self._keep("observed"), LATCHED)
+        subscribe(TwinState, "twin/state", self._keep("twin"), 10)
+        subscribe(PoseArray, "twin/joints", self._keep_joints("_twin_joints"), 10)
+        subscribe(PoseArray, "bridge/observed_joints", self._keep_joints("_seen_joints"), 10)
+        self._arm = self._node.create_client(Arm, "arm")
+        self._disarm = self._node.create_client(Disarm, "disarm")
+        self._roll = ActionClient(self._node, Roll, "roll")
+        self._executor = SingleThreadedExecutor()
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        with suppress(ExternalShutdownException):
+            self._executor.spin()
+
+    def _keep(self, name: str) -> Callable[[Any], None]:
+        return lambda message: setattr(self, name, message)
+
+    def _keep_joints(self, name: str) -> Callable[[PoseArray], None]:
+        def keep(message: PoseArray) -> None:
+            setattr(self, name, np.array([(p.position.x, p.position.y, p.position.z) for p in message.poses[:12]]))
+
+        return keep
+
+    def close(self) -> None:
+        """Leave ROS."""
+        self._executor.shutdown()
+        self._thread.join(5.0)
+        self._node.destroy_node()
+        rclpy.try_shutdown()
+
+    def wait_for_stack(self) -> None:
+        """Until planner, bridge and twin are there and the port is open."""
+        wait_until(lambda: self.bridge is not None and self.bridge.link_ok, DISCOVERY_LIMIT_S, "the bridge's link", self._stack)
+        wait_until(lambda: self.twin is not None and self.twin.face, DISCOVERY_LIMIT_S, "the twin's first state", self._stack)
+        wait_until(self._arm.service_is_ready, DISCOVERY_LIMIT_S, "the planner's service arm", self._stack)
+        wait_until(self._roll.server_is_ready, DISCOVERY_LIMIT_S, "the planner's action roll", self._stack)
+        wait_until(lambda: self.observed is not None, DISCOVERY_LIMIT_S, "the first observed face", self._stack)
+
+    def arm(self, confirmed_lengths_m: Sequence[float]) -> None:
+        """Arm and wait for the end of homing. StackError with the bridge's reason if refused."""
+        request = Arm.Request(holder="operator", lifted_and_clear=True, confirmed_lengths_m=list(confirmed_lengths_m))
+        answer = self._result(self._arm.call_async(request), 10.0, "an answer to arm")
+        if not answer.success:
+            raise StackError(f"arming was refused: {answer.message}")
+        wait_until(
+            lambda: self.bridge.state != BridgeState.HOMING and self.bridge.state != BridgeState.DISARMED,
+            60.0,
+            "homing",
+            self._stack,
+        )
+        if self.bridge.state != BridgeState.ARMED:
+            raise StackError(f"homing ended in {self.bridge.state}: {self.bridge.reason}")
+
+    def disarm(self) -> None:
+        """Give the lease back; says nothing if nobody holds it."""
+        self._result(self._disarm.call_async(Disarm.Request()), 10.0, "an answer to disarm")
+
+    def roll(self, target: str, feedback: Callable[[Any], None], limit_s: float) -> Any:
+        """Roll onto a face; the action's result. KeyboardInterrupt cancels it, which holds the struts, and goes on."""
+        goal = Roll.Goal(target_face=target)
+        handle = self._result(
+            self._roll.send_goal_async(goal, feedback_callback=lambda message: feedback(message.feedback)),
+            10.0,
+            "an answer to roll",
+        )
+        if not handle.accepted:
+            raise StackError("the planner rejected the roll: it is busy with another; cancel that first")
+        try:
+            return self._result(handle.get_result_async(), limit_s, "the end of the roll").result
+        except KeyboardInterrupt:
+            self._result(handle.cancel_goal_async(), 10.0, "an answer to cancel")
+            raise
+
+    def _result(self, future: Any, limit_s: float, what: str) -> Any:
+        wait_until(future.done, limit_s, what, self._stack)
+        return future.result()
+
+    def distance_m(self) -> tuple[float, float] | None:
+        """Mean and largest distance between the twin's and the observed joints now; None if there is no observer."""
+        twin, seen = self._twin_joints, self._seen_joints
+        if twin is None or seen is None:
+            return None
+        apart = np.linalg.norm(twin - seen, axis=1)
+        return float(apart.mean()), float(apart.max())

@@ -1,0 +1,38 @@
+"""A walk over the face graph that shows different gaits, mirrored ones among them."""
+
+from __future__ import annotations
+
+import random
+from itertools import pairwise
+
+from sim_core.structure import NEIGHBOURS
+from sim_core.symmetry import GROUP, carrier
+
+
+def next_face(here: str, before: str | None, used: set[int], want_mirror: bool, rng: random.Random) -> str:
+    """A neighbour of `here`: by preference not where we came from, by a gait of the 24 not used yet, mirrored if wanted."""
+    choices = list(NEIGHBOURS[here])
+    rng.shuffle(choices)
+
+    def badness(face: str) -> tuple[bool, bool, bool]:
+        element = carrier(here, face)
+        return face == before, GROUP.index(element) in used, want_mirror and element.proper
+
+    return min(choices, key=badness)
+
+
+def walk(start: str, rolls: int, seed: int) -> list[str]:
+    """Faces of a walk of `rolls` rolls: every gait another while there are others, at least one mirrored within three rolls.
+
+    Walks are drawn until one of the first three rolls is mirrored (some draws have none).
+    """
+    rng = random.Random(seed)
+    while True:
+        faces, used = [start], set[int]()
+        for _ in range(rolls):
+            here, before = faces[-1], faces[-2] if len(faces) > 1 else None
+            faces.append(next_face(here, before, used, False, rng))
+            used.add(GROUP.index(carrier(here, faces[-1])))
+        first = [carrier(a, b) for a, b in pairwise(faces[:4])]
+        if rolls < 2 or any(not element.proper for element in first):
+            return faces

@@ -1,0 +1,101 @@
+"""The stack's processes, started and stopped together: each a real executable, each with its own log file."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import time
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+
+from sixstrut_cli.errors import StackError
+
+STOP_LIMIT_S = 20.0
+
+
+def executable(package: str, name: str) -> Path:
+    """An executable of the built workspace; StackError if it is not there."""
+    from ament_index_python.packages import PackageNotFoundError, get_package_prefix
+
+    try:
+        path = Path(get_package_prefix(package)) / "lib" / package / name
+    except PackageNotFoundError as error:
+        raise StackError(f"package {package} is not built: run ./sixstrut setup") from error
+    if not path.exists():
+        raise StackError(f"{path} does not exist: run ./sixstrut setup")
+    return path
+
+
+def ros_arguments(parameters: Mapping[str, object]) -> list[str]:
+    """`--ros-args -p name:=value …`."""
+    words = ["--ros-args"]
+    for name, value in parameters.items():
+        text = str(value).lower() if isinstance(value, bool) else str(value)
+        words += ["-p", f"{name}:={text}"]
+    return words
+
+
+class Stack:
+    """Child processes in sessions of their own: a Ctrl-C at the terminal reaches only this process, which ends them in order."""
+
+    def __init__(self, log_folder: Path):
+        self.log_folder = log_folder
+        log_folder.mkdir(parents=True, exist_ok=True)
+        self._children: dict[str, subprocess.Popen[bytes]] = {}
+
+    def start(self, name: str, command: Sequence[str | Path]) -> None:
+        """Start a process; its output goes to <log folder>/<name>.log."""
+        with (self.log_folder / f"{name}.log").open("wb") as log:
+            self._children[name] = subprocess.Popen(
+                [str(word) for word in command],
+                stdin=subprocess.DEVNULL,
+                stdout=log,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+            )
+
+    def require_alive(self) -> None:
+        """Raise StackError with the last lines of its log if a process has ended."""
+        for name, child in self._children.items():
+            if child.poll() is not None:
+                raise StackError(f"{name} ended with exit code {child.returncode}: {self._last_words(name)}")
+
+    def _last_words(self, name: str) -> str:
+        path = self.log_folder / f"{name}.log"
+        lines = [line for line in path.read_text(errors="replace").splitlines() if line.strip()]
+        return f"{lines[-1] if lines else 'it said nothing'} (log: {path})"
+
+    def stop(self) -> dict[str, int]:
+        """SIGINT to each, last started first, and wait; SIGKILL after a limit. Returns exit codes; safe to call twice."""
+        for name, child in reversed(self._children.items()):
+            if child.poll() is None:
+                os.killpg(child.pid, signal.SIGINT)
+            try:
+                child.wait(STOP_LIMIT_S)
+            except subprocess.TimeoutExpired:
+                os.killpg(child.pid, signal.SIGKILL)
+                child.wait()
+                print(f"warning: {name} did not end within {STOP_LIMIT_S:g} s and was killed")
+        codes = {name: child.returncode for name, child in self._children.items()}
+        self._children = {}
+        return codes
+
+    def __enter__(self) -> Stack:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.stop()
+
+
+def wait_until(condition: Callable[[], object], limit_s: float, what: str, stack: Stack | None = None) -> None:
+    """Wait for a condition, looking often; StackError naming `what` after the limit, or when a process of the stack has died."""
+    end = time.monotonic() + limit_s
+    while not condition():
+        if stack is not None:
+            stack.require_alive()
+        if time.monotonic() > end:
+            raise StackError(f"{what} did not happen within {limit_s:g} s; the logs are in {stack.log_folder if stack else 'none'}")
+        time.sleep(0.01)

@@ -1,0 +1,18 @@
+"""Compiles every kernel once, into numba's cache beside the sources: `python -m sim_core.warm_up`."""
+
+from __future__ import annotations
+
+from sim_core.model import build_model
+from sim_core.parameters import load_prototype
+from sim_core.robot import Robot
+
+
+def warm_up() -> None:
+    """Run everything that is compiled, briefly."""
+    robot = Robot(build_model(load_prototype()))
+    robot.advance(1)
+    robot.clearance_m()
+
+
+if __name__ == "__main__":
+    warm_up()
