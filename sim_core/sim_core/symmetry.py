@@ -20,9 +20,9 @@ from sim_core.structure import FACE_OF_NODES, FACES, NODES, PAIRS, STRUTS, requi
 REFERENCE_TC, REFERENCE_TO = "TC6", "TO5"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Element:
-    """One element g of the group.
+    """One element g of the group; there is one object for each, so elements are compared by identity.
 
     Attributes:
         matrix: G, shape (3, 3), orthogonal; carries body coordinates of node i to those of node `nodes[i]`.

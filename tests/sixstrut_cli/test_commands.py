@@ -1,0 +1,81 @@
+"""The commands as a user types them, in a process of their own where exit codes and streams matter."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from sixstrut_cli.registry import entries
+
+
+def sixstrut(*words, limit_s=60):
+    return subprocess.run(
+        [sys.executable, "-m", "sixstrut_cli", *words], capture_output=True, text=True, timeout=limit_s, check=False
+    )
+
+
+def test_parameters_prints_every_number_with_its_source():
+    result = sixstrut("parameters")
+    assert result.returncode == 0
+    for word in ("box_mass_kg", "0.1276", "paper", "stand-in", "tendon_stiffness_n_m", "joint_inertia_kg_m2"):
+        assert word in result.stdout.replace("\n", "")
+
+
+def test_the_export_is_enough_to_build_the_robot_elsewhere():
+    document = json.loads(sixstrut("parameters", "--export", "json").stdout)
+    elements = document["elements"]
+    assert len(elements["cable_ends"]) == len(elements["cable_point_1_m"]) == len(elements["cable_rest_m"]) == 48
+    assert len(elements["contact_point_m"]) == 60
+    assert len(elements["mass_kg"]) == len(elements["inertia_kg_m2"]) == 13
+    assert document["sources"]["box_mass_kg"] == "paper"
+
+
+def test_a_feasible_roll_exits_0_and_speaks_json():
+    result = sixstrut("roll", "--from", "TC6", "--to", "TO5", "--json")
+    assert result.returncode == 0
+    document = json.loads(result.stdout)
+    assert document["feasible"] is True
+    assert document["faces"][-1] == "TO5"
+
+
+def test_a_roll_that_does_not_work_exits_4_and_says_why():
+    result = sixstrut("roll", "--policy", "0 0 0 0 0 0")
+    assert result.returncode == 4
+    assert "not feasible: after actuation it stood on TC6" in result.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "message"),
+    [
+        (("roll", "--from", "TC9"), 1, "unknown face 'TC9': valid are TC1..TC8"),
+        (("roll", "--to", "TO1"), 1, "TO1 is not adjacent to TC6: one roll from TC6 reaches TO5, TO7, TO9"),
+        (("roll", "--policy", "0 0 0 0 0 60"), 1, "S6 = 60 mm: valid is a whole number of mm in [-45, 45]"),
+        (("roll", "--policy", "a b"), 2, "valid are six whole numbers"),
+        (("roll", "--primitive", "P99"), 1, "no primitive 'P99'"),
+        (("roll", "--library", "nowhere"), 1, "shipped are: first"),
+        (("roll", "--perturbation", "0.9"), 1, "perturbation scale 0.9"),
+        (("parameters", "--prototype", "/nowhere.yaml"), 1, "/nowhere.yaml: No such file"),
+        (("replay", "/nowhere.mcap"), 1, "cannot read bag /nowhere.mcap"),
+        (("replay", __file__), 1, "is not a complete MCAP file"),
+        (("demo", "--from-face", "TX"), 1, "unknown face 'TX'"),
+        (("demo", "--rolls", "0"), 2, "--rolls"),
+        (("fly",), 2, "fly"),
+    ],
+)
+def test_bad_input_is_one_line_that_says_what_is_valid(words, code, message):
+    result = sixstrut(*words)
+    assert result.returncode == code, result.stderr
+    said = " ".join(result.stderr.replace("│", " ").split())
+    assert message in said
+    assert "Traceback" not in result.stderr
+    if code == 1:
+        assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_help_of_every_command_shows_an_example():
+    for entry in entries():
+        if entry.module is not None:
+            result = sixstrut(entry.name, "--help")
+            assert result.returncode == 0
+            assert f"sixstrut {entry.name}" in result.stdout
