@@ -44,7 +44,7 @@ def underlay(environ: Mapping[str, str], layout: Layout) -> Changes:
         "ROS_VERSION": "2",
         "ROS_PYTHON_VERSION": "3",
         "RMW_IMPLEMENTATION": "rmw_fastrtps_cpp",  # the only one among the wheels
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": _discovery_range(environ, foreign),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": _discovery_range(environ, [p for p in foreign if not p.is_relative_to(layout.root)]),
     }
     return changes
 

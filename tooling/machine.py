@@ -42,9 +42,7 @@ def compiler_problems(environ: Mapping[str, str]) -> list[str]:
         "a C++ compiler (c++, g++ or clang++)": environ.get("CXX", "c++ g++ clang++"),
         "make": "make gmake",
     }
-    missing = [
-        what for what, names in wanted.items() if not any(shutil.which(name, path=path) for name in names.split())
-    ]
+    missing = [what for what, names in wanted.items() if not any(shutil.which(name, path=path) for name in names.split())]
     if not missing:
         return []
     return [f"lacks {' and '.join(missing)}: on Debian or Ubuntu, sudo apt install build-essential"]
@@ -58,11 +56,9 @@ def disk_problems(root: Path) -> list[str]:
 
 
 def path_problems(root: Path) -> list[str]:
-    """CMake files and script headers of the ROS tools are written without quotes."""
+    """Executables get headers without quotes, and search paths have no way to escape a colon."""
     if any(c.isspace() or c in ":;$\"'\\" for c in str(root)):
-        return [
-            f"the path {str(root)!r} holds a space or another character that ROS's build tools cannot take: move it"
-        ]
+        return [f"the path {str(root)!r} holds a space or another character that ROS's build tools cannot take: move it"]
     return []
 
 

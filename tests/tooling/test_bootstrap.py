@@ -1,0 +1,123 @@
+"""The parts of set-up that decide, on a checkout where nothing is installed."""
+
+import os
+import shutil
+import subprocess
+import sys
+from io import StringIO
+from pathlib import Path
+
+import pytest
+
+from tooling import packages, workspace
+from tooling.layout import Layout, SetupError
+from tooling.process import Runner
+from tooling.progress import Progress
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+@pytest.fixture
+def fresh(tmp_path: Path) -> Path:
+    """A clone that was never set up, with what the bootstrap itself needs."""
+    root = tmp_path / "clone"
+    command_line = Path("ros_ws/src/sixstrut_cli/sixstrut_cli")
+    shutil.copytree(ROOT / "tooling", root / "tooling")
+    shutil.copytree(ROOT / command_line, root / command_line)
+    shutil.copy(ROOT / "sixstrut", root)
+    shutil.copy(ROOT / "requirements.lock", root)
+    return root
+
+
+def launch(root: Path, *arguments: str, **environ: str) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [root / "sixstrut", *arguments],
+        env={**os.environ, "SIXSTRUT_PYTHON": sys.executable, **environ},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+
+
+def installed(root: Path) -> bool:
+    return (root / ".venv").exists()
+
+
+@pytest.mark.parametrize("arguments", [(), ("--help",), ("test", "--help"), ("setup", "-h")])
+def test_help_needs_no_set_up(fresh: Path, arguments: tuple[str, ...]):
+    result = launch(fresh, *arguments)
+    assert result.returncode == 0
+    assert result.stdout.startswith("Usage: ./sixstrut")
+    assert not installed(fresh)
+
+
+def test_help_lists_every_command_that_exists(fresh: Path):
+    result = launch(fresh, "--help")
+    for name in ("test", "setup", "env", "clean"):
+        assert f"\n  {name} " in result.stdout
+
+
+def test_a_command_that_does_not_exist_is_told_before_anything_is_installed(fresh: Path):
+    result = launch(fresh, "rol")
+    assert result.returncode == 2
+    assert "no command 'rol'" in result.stderr
+    assert not installed(fresh)
+
+
+def test_a_machine_without_compilers_is_told_before_anything_is_installed(fresh: Path, tmp_path: Path):
+    tools = tmp_path / "tools"
+    tools.mkdir()
+    for name in ("sh", "dirname", "readlink"):
+        (tools / name).symlink_to(str(shutil.which(name)))
+    result = launch(fresh, "setup", PATH=str(tools))
+    assert result.returncode == 3
+    assert "lacks a C compiler" in result.stderr
+    assert not installed(fresh)
+
+
+def test_clean_on_a_fresh_clone_does_nothing(fresh: Path):
+    before = sorted(fresh.iterdir())
+    assert launch(fresh, "clean").returncode == 0
+    assert sorted(fresh.iterdir()) == before
+
+
+def test_clean_removes_ours_and_leaves_what_is_not(fresh: Path):
+    (fresh / ".venv").mkdir()
+    (fresh / ".venv" / "sixstrut.stamp").touch()
+    (fresh / "ros_ws" / "install" / "theirs").mkdir(parents=True)
+    result = launch(fresh, "clean")
+    assert not installed(fresh)
+    assert (fresh / "ros_ws" / "install" / "theirs").exists()
+    assert "left alone" in result.stderr
+
+
+@pytest.fixture
+def runner(tmp_path: Path):
+    lock = os.open(tmp_path / "lock", os.O_RDWR | os.O_CREAT)
+    yield Runner(tmp_path / "log", lock, Progress(1, StringIO()))
+    os.close(lock)
+
+
+def test_a_virtual_environment_of_the_users_own_is_not_touched(fresh: Path, runner: Runner):
+    layout = Layout(fresh)
+    (layout.venv / "mine").mkdir(parents=True)
+    with pytest.raises(SetupError, match="was not made by"):
+        packages.install(layout, runner, os.environ)
+    assert (layout.venv / "mine").exists()
+
+
+def test_a_workspace_built_by_an_installed_ros_is_not_touched(fresh: Path, runner: Runner):
+    layout = Layout(fresh)
+    (layout.install / "theirs").mkdir(parents=True)
+    with pytest.raises(SetupError, match="was built by another colcon"):
+        workspace.build(layout, runner, os.environ)
+    assert (layout.install / "theirs").exists()
+
+
+def test_a_half_made_environment_is_not_ready(fresh: Path):
+    layout = Layout(fresh)
+    layout.venv.mkdir()
+    (layout.venv / "sixstrut.stamp").touch()
+    assert packages.made_by_us(layout)
+    assert not packages.ready(layout)
+    assert not workspace.ready(layout)

@@ -1,0 +1,84 @@
+"""The frame around the commands: what an error, a wrong usage or Ctrl-C comes to."""
+
+import subprocess
+import sys
+from types import ModuleType
+
+import pytest
+import typer
+
+from sixstrut_cli import app, registry
+
+
+def use(monkeypatch: pytest.MonkeyPatch, command) -> None:
+    """Puts `command` in the place of the command `test`."""
+    module = ModuleType("sixstrut_cli.commands.test")
+    module.command = command  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "sixstrut_cli.commands.test", module)
+
+
+def raising(error: BaseException):
+    def command() -> None:
+        raise error
+
+    return command
+
+
+def class_of_other_package(module: str, name: str) -> type[Exception]:
+    base = type(name, (Exception,), {"__module__": module})
+    return type("Special", (base,), {})
+
+
+@pytest.mark.parametrize(("module", "name"), [("sim_core.errors", "SimError"), ("hardware_bridge.errors", "BridgeError")])
+def test_a_packages_own_error_is_one_line(monkeypatch, capsys, module: str, name: str):
+    use(monkeypatch, raising(class_of_other_package(module, name)("strut S1: too long")))
+    assert app.run(["test"]) == 1
+    assert capsys.readouterr().err == "error: strut S1: too long\n"
+
+
+def test_an_unexpected_error_names_its_type_and_the_way_to_the_traceback(monkeypatch, capsys):
+    use(monkeypatch, raising(KeyError("x")))
+    assert app.run(["test"]) == 1
+    assert capsys.readouterr().err == "error: KeyError: 'x' (traceback: SIXSTRUT_DEBUG=1)\n"
+
+
+def test_debug_lets_the_error_through(monkeypatch):
+    use(monkeypatch, raising(KeyError("x")))
+    with pytest.raises(KeyError):
+        app.run(["--debug", "test"])
+    monkeypatch.setenv("SIXSTRUT_DEBUG", "1")
+    with pytest.raises(KeyError):
+        app.run(["test"])
+
+
+@pytest.mark.parametrize("arguments", [["test", "--no-such-option"], ["no-such-command"], ["--no-such-option"]])
+def test_wrong_usage_exits_2(monkeypatch, arguments: list[str]):
+    use(monkeypatch, raising(AssertionError("was run")))
+    assert app.run(arguments) == 2
+
+
+def test_ctrl_c_exits_130(monkeypatch):
+    use(monkeypatch, raising(KeyboardInterrupt()))
+    assert app.run(["test"]) == 130
+
+
+@pytest.mark.parametrize("code", [0, 1, 4])
+def test_a_command_chooses_its_exit_code(monkeypatch, code: int):
+    use(monkeypatch, raising(typer.Exit(code)))
+    assert app.run(["test"]) == code
+
+
+def test_no_command_shows_the_help(capsys):
+    assert app.run([]) == 0
+    output = capsys.readouterr().out
+    for name in registry.names():
+        assert name in output
+
+
+def test_starting_up_imports_neither_ros_nor_the_numerics():
+    code = (
+        "import sys; from sixstrut_cli import app; app.run(['--help']); "
+        "print([m for m in ('rclpy', 'numba', 'numpy', 'scipy', 'sim_core', 'hardware_bridge') if m in sys.modules])"
+    )
+    output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
+    assert output.splitlines()[-1] == "[]"
