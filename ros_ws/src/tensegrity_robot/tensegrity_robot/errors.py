@@ -1,0 +1,11 @@
+"""Errors of the nodes."""
+
+from __future__ import annotations
+
+
+class StartError(Exception):
+    """A node cannot start: one line that says why and what is valid. The process ends with exit code 1."""
+
+
+class RollRefused(Exception):
+    """A roll that is not begun, or given up: one line that says why and what to do."""

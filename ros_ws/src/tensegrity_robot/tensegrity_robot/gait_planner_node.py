@@ -1,0 +1,457 @@
+"""The gait planner: holds the bridge's lease and rolls the robot from face to face."""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from builtin_interfaces.msg import Duration
+from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
+from rclpy.action.server import ServerGoalHandle
+from rclpy.callback_groups import ReentrantCallbackGroup
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.node import Node
+from rclpy.task import Future
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from sim_core.errors import SimError
+from sim_core.library import Gait, gait_of, load_library
+from sim_core.parameters import load_prototype
+from sim_core.policy import lengths_of, neutral_lengths
+from sim_core.structure import require_adjacent
+from tensegrity_interfaces.action import ExecuteStruts, Roll
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, StrutsSent, TwinState
+from tensegrity_interfaces.srv import Arm, Disarm
+from tensegrity_robot import qos
+from tensegrity_robot.errors import RollRefused, StartError
+from tensegrity_robot.knots import Knot, constant_speed_knots
+from tensegrity_robot.messages import STRUT_NAMES
+from tensegrity_robot.parameters import declare_parameters, parameter
+from tensegrity_robot.process import End, run
+from tensegrity_robot.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View
+
+LEASE_PERIOD_S = 0.1
+TICK_S = 0.1
+SILENT_S = 3.0
+"""A bridge that publishes no state for this long is gone; it does at 2 Hz."""
+CALL_TIMEOUT_S = 3.0
+"""Longest wait for an answer of the bridge."""
+
+
+@dataclass(frozen=True)
+class PlannerParameters:
+    """Parameters of the planner; the descriptions are what `ros2 param describe` shows."""
+
+    library: str = parameter("first", "gait library: a shipped name, or the path of a YAML file")
+    prototype_file: str = parameter("", "YAML of the robot's numbers; empty: the nominal prototype")
+    confirm: str = parameter(
+        "observed", "what a roll's outcome needs: an observed face, or the twin's prediction", choices=("observed", "predicted")
+    )
+    settle_timeout_s: float = parameter(20.0, "longest wait for rest after a motion [s of robot time]", low=1.0, high=600.0)
+    confirm_timeout_s: float = parameter(
+        60.0, "longest wait for set_face where nobody observes all the time [s of robot time]", low=1.0, high=3600.0
+    )
+
+
+class _Running:
+    """A roll that is under way."""
+
+    def __init__(self, goal: ServerGoalHandle, sequence: RollSequence):
+        self.goal = goal
+        self.sequence = sequence
+        self.gait: Gait | None = None
+        self.done: Future = Future()
+        self.motion: Any = None
+        self.motion_asked = False
+        self.motion_began_ns = 0
+        self.motion_s = 0.0
+        self.cancelled_at: float | None = None
+
+
+class GaitPlannerNode(Node):
+    """See the module. Everything runs in one executor thread; no callback waits."""
+
+    def __init__(self, _end: End):
+        super().__init__("gait_planner")
+        self._settings = p = declare_parameters(self, PlannerParameters)
+        try:
+            self._library = load_library(p.library)
+            self._prototype = load_prototype(p.prototype_file or None)
+        except SimError as error:
+            raise StartError(str(error)) from error
+        self._rules = Rules(
+            tuple(float(length) for length in neutral_lengths(self._prototype)),
+            p.confirm == "observed",
+            p.settle_timeout_s,
+            p.confirm_timeout_s,
+        )
+        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
+        self._bridge: BridgeState | None = None
+        self._bridge_heard = 0.0
+        self._sent: StrutsSent | None = None
+        self._twin: TwinState | None = None
+        self._observed: FaceObservation | None = None
+        self._observer = False
+        self._lease = ""
+        self._holder = ""
+        self._lease_seen = False
+        self._disarming = False
+        self._roll: _Running | None = None
+
+        self.create_subscription(BridgeState, "bridge/state", self._on_bridge_state, qos.LATCHED)
+        self.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, qos.STATES)
+        self.create_subscription(FaceObservation, "bridge/face", self._on_face, qos.FACES)
+        self.create_subscription(TwinState, "twin/state", self._on_twin, qos.STATES)
+        self._proof = self.create_publisher(LeaseProof, "bridge/lease", qos.STATES)
+        self._bridge_arm = self.create_client(Arm, "bridge/arm")
+        self._bridge_disarm = self.create_client(Disarm, "bridge/disarm")
+        self._struts = ActionClient(self, ExecuteStruts, "execute_struts")
+        waiting = ReentrantCallbackGroup()  # for the bridge's answer; in the node's own group all else would wait with them
+        self.create_service(Arm, "arm", self._on_arm, callback_group=waiting)
+        self.create_service(Disarm, "disarm", self._on_disarm, callback_group=waiting)
+        self._server = ActionServer(
+            self,
+            Roll,
+            "roll",
+            self._execute,
+            goal_callback=self._on_goal,
+            cancel_callback=self._on_cancel,
+        )
+        self.create_timer(LEASE_PERIOD_S, self._prove_life, clock=self._steady)
+        self.create_timer(TICK_S, self._tick, clock=self._steady)
+        names = ", ".join(primitive.name for primitive in self._library.primitives)
+        self.get_logger().info(f"library {self._library.name} ({self._library.hash}): {names}")
+
+    # ---- process ----------------------------------------------------------------------------------------------------
+
+    def halt(self) -> None:
+        """The bridge holds the struts when the lease falls silent; asking for it is quicker."""
+        roll = self._roll
+        if roll is not None and roll.motion is not None:
+            roll.motion.cancel_goal_async()
+
+    def close(self) -> None:
+        """Ends the action's server and client."""
+        self._server.destroy()
+        self._struts.destroy()
+
+    # ---- what is known ----------------------------------------------------------------------------------------------
+
+    def _on_bridge_state(self, message: BridgeState) -> None:
+        self._bridge, self._bridge_heard = message, time.monotonic()
+        if self._lease and message.lease_holder == self._holder:
+            self._lease_seen = True
+        elif self._lease and self._lease_seen and not self._disarming:
+            self._lease = ""
+            self.get_logger().warning(f"the lease is lost: {_why(message)}")
+        self._look()
+
+    def _on_sent(self, message: StrutsSent) -> None:
+        self._sent = message
+
+    def _on_face(self, message: FaceObservation) -> None:
+        self._observed = message
+        if message.source in (FaceObservation.SOURCE_PROTOTYPE, FaceObservation.SOURCE_EXTERNAL):
+            self._observer = True
+        self._look()
+
+    def _on_twin(self, message: TwinState) -> None:
+        self._twin = message
+        self._look()
+
+    def _view(self) -> View:
+        sent, twin, seen = self._sent, self._twin, self._observed
+        return View(
+            robot_time_ns=sent.robot_time_ns if sent else 0,
+            lengths_m=_lengths(sent.length_m) if sent else (),
+            predicted=Seen(twin.face or None, twin.at_rest, twin.robot_time_ns, "predicted") if twin else None,
+            observed=Seen(seen.face or None, seen.settled, seen.robot_time_ns, seen.source) if seen else None,
+            observer=self._observer,
+        )
+
+    def _trouble(self) -> str:
+        """Why the struts may not be moved now; nothing if they may."""
+        state = self._bridge
+        if state is None or time.monotonic() - self._bridge_heard > SILENT_S:
+            return "the hardware bridge is silent: start it (ros2 run tensegrity_robot hardware_bridge)"
+        if state.state == BridgeState.FAULT:
+            reset = f"ros2 service call {self.resolve_service_name('reset')} std_srvs/srv/Trigger"
+            return f"the bridge is in FAULT ({state.reason}): remove the cause, then {reset}, then {self._arm_call()}"
+        if not self._lease:
+            if state.lease_holder:
+                return f"{state.lease_holder} holds the bridge's lease: it must be given back first (disarm)"
+            because = f" ({state.reason})" if state.reason else ""
+            return f"the robot is not armed{because}: {self._arm_call()}"
+        if state.state in (BridgeState.DISARMED, BridgeState.HOMING):
+            return "the struts are homing: wait for ARMED in bridge/state"
+        return ""
+
+    def _arm_call(self) -> str:
+        return f'ros2 service call {self.resolve_service_name("arm")} tensegrity_interfaces/srv/Arm "{{lifted_and_clear: true}}"'
+
+    # ---- lease ------------------------------------------------------------------------------------------------------
+
+    async def _on_arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
+        if not request.holder:
+            request.holder = self.get_fully_qualified_name().lstrip("/")
+        answer = await self._call(self._bridge_arm, request)
+        if answer is None:
+            response.message = "the hardware bridge did not answer: start it (ros2 run tensegrity_robot hardware_bridge)"
+            return response
+        if answer.success:
+            self._lease, self._holder, self._lease_seen = answer.lease, request.holder, False
+            self._prove_life()
+            answer.message = answer.message or "homing has begun; rolls are possible when bridge/state says ARMED"
+            self.get_logger().info(f"armed for {request.holder}; homing")
+        else:
+            self.get_logger().warning(f"arm refused: {answer.message}")
+        return answer
+
+    async def _on_disarm(self, request: Disarm.Request, response: Disarm.Response) -> Disarm.Response:
+        request.lease = request.lease or self._lease
+        self._disarming = True
+        answer = await self._call(self._bridge_disarm, request)
+        self._disarming = False
+        if answer is None:
+            response.message = "the hardware bridge did not answer"
+            return response
+        if answer.success:
+            self._lease = ""
+            self._look()
+        return answer
+
+    async def _call(self, client: Any, request: Any) -> Any:
+        """The answer of a service, or None after `CALL_TIMEOUT_S`."""
+        if not client.service_is_ready():
+            return None
+        future = client.call_async(request)
+        answered: Future = Future()
+        timer = self.create_timer(CALL_TIMEOUT_S, lambda: answered.done() or answered.set_result(None), clock=self._steady)
+        future.add_done_callback(lambda done: answered.done() or answered.set_result(done.result()))
+        try:
+            return await answered
+        finally:
+            self.destroy_timer(timer)
+            client.remove_pending_request(future)
+
+    def _prove_life(self) -> None:
+        if self._lease:
+            self._proof.publish(LeaseProof(stamp=self.get_clock().now().to_msg(), lease=self._lease))
+
+    # ---- the roll's action ------------------------------------------------------------------------------------------
+
+    def _on_goal(self, _request: Roll.Goal) -> GoalResponse:
+        if self._roll is not None:
+            self.get_logger().warning("roll rejected: another one is running")
+            return GoalResponse.REJECT
+        return GoalResponse.ACCEPT
+
+    def _on_cancel(self, _goal: ServerGoalHandle) -> CancelResponse:
+        roll = self._roll
+        if roll is None:
+            return CancelResponse.REJECT
+        roll.cancelled_at = time.monotonic()
+        if roll.motion is not None:
+            roll.motion.cancel_goal_async()
+        return CancelResponse.ACCEPT
+
+    async def _execute(self, goal: ServerGoalHandle) -> Roll.Result:
+        if self._roll is not None:  # two goals accepted in one turn of the executor
+            goal.abort()
+            return Roll.Result(reason="another roll is running")
+        request = goal.request
+        self._roll = roll = _Running(goal, RollSequence(self._rules, lambda face: self._plan(request, face)))
+        try:
+            try:
+                trouble = self._trouble()
+                view = self._view()
+                if trouble:
+                    raise RollRefused(trouble)
+                if not view.lengths_m:
+                    raise RollRefused("the bridge has not told the struts' lengths yet: try again")
+                self._do(roll.sequence.begin(view))
+            except RollRefused as error:
+                self.get_logger().warning(f"roll refused: {error}")
+                self._close(Outcome(False, str(error), *_faces_of(self._view()), (), 0.0))
+            outcome: Outcome = await roll.done
+            return self._result(roll, outcome)
+        finally:
+            self._roll = None
+
+    def _plan(self, request: Roll.Goal, source: str) -> Plan:
+        """The gait from the face known now. Raises RollRefused, naming what is valid."""
+        roll = self._roll
+        assert roll is not None
+        try:
+            require_adjacent(request.source_face or source, request.target_face)
+            if request.source_face and request.source_face != source:
+                raise RollRefused(
+                    f"the robot is known to stand on {source}, not on {request.source_face}: leave source_face empty, or say "
+                    "where it stands with set_face"
+                )
+            if request.primitive:
+                gait = gait_of(self._library.primitive(request.primitive), source, request.target_face)
+            else:
+                gaits = self._library.gaits(source, request.target_face)
+                if not gaits:
+                    raise RollRefused(f"library {self._library.name} has no primitive for {source}→{request.target_face}")
+                gait = gaits[0]
+        except SimError as error:
+            raise RollRefused(str(error)) from error
+        roll.gait = gait
+        return Plan(source, request.target_face, _lengths(lengths_of(self._prototype, gait.policy)))
+
+    def _result(self, roll: _Running, outcome: Outcome) -> Roll.Result:
+        if roll.cancelled_at is not None and roll.goal.is_cancel_requested:
+            roll.goal.canceled()
+        elif outcome.success:
+            roll.goal.succeed()
+        else:
+            roll.goal.abort()
+        gait = roll.gait
+        self.get_logger().info(f"roll {'ended well' if outcome.success else 'failed'}: {outcome.reason or outcome.faces}")
+        return Roll.Result(
+            success=outcome.success,
+            reason=outcome.reason,
+            primitive=gait.primitive.name if gait else "",
+            gait=gait.name if gait else "",
+            predicted_face=outcome.predicted_face,
+            observed_face=outcome.observed_face,
+            face_sequence=list(outcome.faces),
+            duration_s=outcome.duration_s,
+        )
+
+    # ---- the roll's steps -------------------------------------------------------------------------------------------
+
+    def _tick(self) -> None:
+        self._look()
+        roll = self._roll
+        if roll is None or roll.done.done():
+            return
+        view = self._view()
+        known = view.observed if view.observer else view.predicted
+        roll.goal.publish_feedback(
+            Roll.Feedback(
+                phase=str(roll.sequence.phase),
+                face=(known.face or "") if known is not None else "",
+                progress=self._progress(roll, view),
+                length_m=view.lengths_m,
+            )
+        )
+
+    def _progress(self, roll: _Running, view: View) -> float:
+        """Part of the gait's time that is over: each of its two motions is one half."""
+        halves = {Phase.ACTUATE: 0.0, Phase.ACTUATE_SETTLE: 0.5, Phase.RETURN: 0.5, Phase.RETURN_SETTLE: 1.0, Phase.CONFIRM: 1.0}
+        half = halves.get(roll.sequence.phase, 0.0)
+        if roll.sequence.phase in (Phase.ACTUATE, Phase.RETURN) and roll.motion_s > 0.0:
+            half += 0.5 * min(1.0, (view.robot_time_ns - roll.motion_began_ns) * 1e-9 / roll.motion_s)
+        return half
+
+    def _look(self) -> None:
+        """Something is known anew, or time has passed."""
+        roll = self._roll
+        if roll is None or roll.done.done():
+            return
+        trouble = self._trouble()
+        if trouble:
+            self._end_with(roll, trouble)
+        elif roll.cancelled_at is not None:
+            if not roll.motion_asked or time.monotonic() - roll.cancelled_at > CALL_TIMEOUT_S:
+                self._end_with(roll, "cancelled; the struts hold where they are")
+        else:
+            try:
+                step = roll.sequence.look(self._view())
+            except RollRefused as error:
+                self._end_with(roll, str(error))
+                return
+            if isinstance(step, Outcome):
+                self._close(step)
+            elif step is not None:
+                self._do(step)
+
+    def _end_with(self, roll: _Running, reason: str) -> None:
+        if roll.motion is not None:
+            roll.motion.cancel_goal_async()
+        self._close(roll.sequence.end(self._view(), reason))
+
+    def _close(self, outcome: Outcome) -> None:
+        roll = self._roll
+        if roll is not None and not roll.done.done():
+            roll.done.set_result(outcome)
+
+    def _do(self, move: Move) -> None:
+        """Ask the bridge for a motion."""
+        roll = self._roll
+        assert roll is not None
+        view = self._view()
+        knots = constant_speed_knots(view.lengths_m, move.lengths_m, self._prototype.actuator_speed_m_s)
+        if not knots:
+            roll.sequence.moved(view)
+            return
+        roll.motion_asked, roll.motion_began_ns, roll.motion_s = True, view.robot_time_ns, knots[-1].time_s
+        goal = ExecuteStruts.Goal(
+            trajectory=self._trajectory(knots),
+            lease=self._lease,
+            library_hash=self._library.hash,
+        )
+        self._struts.send_goal_async(goal).add_done_callback(lambda future: self._on_motion_answer(roll, future))
+
+    def _trajectory(self, knots: tuple[Knot, ...]) -> JointTrajectory:
+        points = [JointTrajectoryPoint(positions=list(knot.lengths_m), time_from_start=_duration(knot.time_s)) for knot in knots]
+        return JointTrajectory(header=Header(stamp=self.get_clock().now().to_msg()), joint_names=STRUT_NAMES, points=points)
+
+    def _on_motion_answer(self, roll: _Running, future: Future) -> None:
+        handle = future.result()
+        if not handle.accepted:
+            self._motion_over(roll, False, "the bridge rejected the motion: another one is running")
+            return
+        roll.motion = handle
+        if roll.cancelled_at is not None or roll.done.done():
+            handle.cancel_goal_async()
+        handle.get_result_async().add_done_callback(
+            lambda done: self._motion_over(roll, done.result().result.success, done.result().result.reason)
+        )
+
+    def _motion_over(self, roll: _Running, success: bool, reason: str) -> None:
+        roll.motion, roll.motion_asked = None, False
+        if roll.done.done():
+            return
+        if roll.cancelled_at is not None:
+            self._end_with(roll, "cancelled; the struts hold where they are")
+        elif not success:
+            self._end_with(roll, f"the bridge ended the motion: {reason}")
+        else:
+            roll.sequence.moved(self._view())
+            self._look()
+
+
+def _why(state: BridgeState) -> str:
+    return f"the bridge is {state.state}" + (f", {state.reason}" if state.reason else "")
+
+
+def _faces_of(view: View) -> tuple[str, str]:
+    predicted = view.predicted.face if view.predicted else None
+    observed = view.observed.face if view.observed else None
+    return predicted or "", observed or ""
+
+
+def _lengths(values: Any) -> Lengths:
+    return tuple(float(value) for value in values)
+
+
+def _duration(seconds: float) -> Duration:
+    nanoseconds = round(seconds * 1e9)
+    return Duration(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
+
+
+def main(args: list[str] | None = None) -> int:
+    """The executable `gait_planner`."""
+    return run(GaitPlannerNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

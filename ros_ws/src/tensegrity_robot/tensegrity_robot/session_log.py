@@ -1,0 +1,130 @@
+"""The session's bag: names, what goes with it, and messages that come before it is open. Knows no ROS but its file layout."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import os
+import platform
+import threading
+import time
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from hardware_bridge.errors import BridgeError
+from hardware_bridge.recorder import Recorder
+from hardware_bridge.schemas import ShareSchemas
+
+PACKAGES = ("tensegrity_robot", "hardware_bridge", "sim_core", "numpy", "numba", "mcap", "pyserial")
+MOST_EARLY = 1000
+
+
+def bag_folder(configured: str) -> Path:
+    """Where bags go: as configured, else `$SIXSTRUT_BAGS`, else `bags` below the working directory."""
+    return Path(configured or os.environ.get("SIXSTRUT_BAGS") or "bags").expanduser().resolve()
+
+
+def bag_name(folder: Path, now: time.struct_time) -> Path:
+    """`session_<UTC>.mcap`, with a number where that exists."""
+    stem = time.strftime("session_%Y%m%d_%H%M%S", now)
+    for number in range(1, 1000):
+        path = folder / (f"{stem}.mcap" if number == 1 else f"{stem}_{number}.mcap")
+        if not path.exists() and not path.with_name(path.name + ".journal").exists():
+            return path
+    raise FileExistsError(f"{folder} is full of sessions of this second")
+
+
+def versions() -> dict[str, str]:
+    """Versions of what made the session; packages that are not installed as such are left out."""
+    found = {"python": platform.python_version(), "machine": platform.machine(), "ros_distro": os.environ.get("ROS_DISTRO", "")}
+    for name in PACKAGES:
+        try:
+            found[name] = importlib.metadata.version(name)
+        except importlib.metadata.PackageNotFoundError:
+            continue
+    return found
+
+
+class SessionLog:
+    """One bag. Messages written before `open` wait for it; a failed log never fails the caller, but says so.
+
+    Attributes:
+        path: of the bag; None before `open`.
+    """
+
+    def __init__(self, on_fault: Callable[[str], None]):
+        """Args: on_fault: told once, from any thread, that the log is dead and why."""
+        self.path: Path | None = None
+        self._on_fault = on_fault
+        self._recorder: Recorder | None = None
+        self._early: list[tuple[str, str, bytes, int]] = []
+        self._lock = threading.Lock()
+        self._failed = ""
+
+    @property
+    def fault(self) -> str:
+        """Why the log is dead; empty if it is well."""
+        return self._failed
+
+    @property
+    def messages(self) -> int:
+        """Messages that are safe with the operating system."""
+        return self._recorder.messages_written if self._recorder else 0
+
+    def open(
+        self, folder: Path, topics: Mapping[str, tuple[str, bool]], attachments: Mapping[str, bytes], facts: Mapping[str, str]
+    ) -> None:
+        """Begin the bag.
+
+        Args:
+            topics: name -> (type, transient_local).
+            attachments: name -> bytes.
+            facts: kept as metadata "session", beside "versions".
+
+        Raises:
+            BridgeError, OSError: it cannot be written.
+        """
+        folder.mkdir(parents=True, exist_ok=True)
+        schemas = ShareSchemas()
+        recorder = Recorder(bag_name(folder, time.gmtime()), schemas.schema_text, type_hash=schemas.type_hash, on_fault=self._fail)
+        try:
+            recorder.add_metadata("versions", versions())
+            recorder.add_metadata("session", facts)
+            for name, data in attachments.items():
+                recorder.add_attachment(name, data)
+            for topic, (type_name, transient_local) in topics.items():
+                recorder.add_topic(topic, type_name, transient_local=transient_local)
+        except BridgeError:
+            recorder.close()
+            raise
+        with self._lock:
+            self._recorder, self.path = recorder, recorder.path
+            early, self._early = self._early, []
+            for message in early:
+                self._write(*message)
+
+    def write(self, topic: str, type_name: str, data: bytes, log_time_ns: int) -> None:
+        """Log one serialised message; before `open` it waits, after `close` it is dropped."""
+        with self._lock:
+            if self._recorder is not None:
+                self._write(topic, type_name, data, log_time_ns)
+            elif self.path is None and len(self._early) < MOST_EARLY:
+                self._early.append((topic, type_name, data, log_time_ns))
+
+    def _write(self, topic: str, type_name: str, data: bytes, log_time_ns: int) -> None:
+        assert self._recorder is not None
+        try:
+            self._recorder.write(topic, type_name, data, log_time_ns)
+        except BridgeError as error:
+            self._fail(str(error))
+
+    def _fail(self, problem: str) -> None:
+        if not self._failed:
+            self._failed = problem
+            self._on_fault(problem)
+
+    def close(self) -> None:
+        """Finish the bag. Raises BridgeError: it cannot be finished; what was written stays beside it."""
+        with self._lock:
+            recorder, self._recorder = self._recorder, None
+        if recorder is not None:
+            recorder.close()

@@ -1,0 +1,230 @@
+"""The twin: a model that follows what really happened to the robot, or, stand-alone, is the robot."""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections import deque
+from dataclasses import dataclass
+
+from geometry_msgs.msg import PoseArray, PoseStamped
+from rclpy.node import Node
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Header
+from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
+
+from sim_core.errors import SimError
+from sim_core.follow import Event, Follower, Observed
+from sim_core.model import Model, build_model
+from sim_core.parameters import load_prototype
+from sim_core.perturbation import MAX_SCALE, perturb
+from sim_core.robot import Robot
+from sim_core.structure import require_face
+from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
+from tensegrity_robot import messages, qos
+from tensegrity_robot.errors import StartError
+from tensegrity_robot.event_stream import Begin, EventStream
+from tensegrity_robot.markers import markers
+from tensegrity_robot.parameters import declare_parameters, parameter
+from tensegrity_robot.process import End, run
+from tensegrity_robot.rest import RestWatch
+from tensegrity_robot.standalone import StandAlone
+
+CATCH_UP_S = 0.02
+"""Wall time that one callback may spend on stepping the model."""
+
+BEGIN_WAIT_S = 1.0
+"""A stream without a face begins after this long; a face that somebody has seen arrives sooner."""
+
+TENDON_FULL_SCALE = 2.5
+"""Tension drawn in full red, in tensions of the ideal shape."""
+
+
+@dataclass(frozen=True)
+class TwinParameters:
+    """Parameters of the twin; the descriptions are what `ros2 param describe` shows."""
+
+    mode: str = parameter("follow", "shadow the bridge's event stream, or be the robot", choices=("follow", "standalone"))
+    start_face: str = parameter("TC6", "face it stands on until somebody saw the robot: TC1..TC8 or TO1..TO12")
+    prototype_file: str = parameter("", "YAML of the robot's numbers; empty: the nominal prototype")
+    perturbation: float = parameter(0.0, "scale of random errors of the model, 0.1 for ±10 %", low=0.0, high=MAX_SCALE)
+    seed: int = parameter(0, "seed of the random errors", low=0, high=2**31 - 1)
+    rate_hz: float = parameter(20.0, "how often state and joints are published [Hz]", low=1.0, high=200.0)
+    markers_hz: float = parameter(10.0, "how often markers are published [Hz]; 0: never", low=0.0, high=20.0)
+    frame: str = parameter("odom", "frame of all poses")
+    time_scale: float = parameter(1.0, "stand-alone: robot seconds per second", low=0.01, high=50.0)
+
+
+class TwinNode(Node):
+    """See the module."""
+
+    def __init__(self, _end: End):
+        super().__init__("twin")
+        self._settings = p = declare_parameters(self, TwinParameters)
+        try:
+            self._model = _model(p)
+            require_face(p.start_face)
+            self._alone = StandAlone(self._model, p.start_face, p.time_scale) if p.mode == "standalone" else None
+            self._follower = Follower(self._model, p.start_face)
+        except SimError as error:
+            raise StartError(str(error)) from error
+        self._stream = EventStream()
+        self._due: deque[Event | Begin] = deque()
+        self._waiting_since: float | None = None
+        self._rest = RestWatch()
+        self._at_rest = False
+        self._began_on = p.start_face
+        self._told_face: tuple[str, bool] | None = None
+        self._full_scale_n = TENDON_FULL_SCALE * float(Robot(self._model).cable_forces_n()[:24].mean())
+
+        self._state = self.create_publisher(TwinState, "twin/state", qos.STATES)
+        self._face = self.create_publisher(FaceObservation, "twin/face", qos.FACES)
+        self._joint_states = self.create_publisher(JointState, "twin/joint_states", qos.STATES)
+        self._joints = self.create_publisher(PoseArray, "twin/joints", qos.STATES)
+        self._pose = self.create_publisher(PoseStamped, "twin/pose", qos.STATES)
+        self._markers = self.create_publisher(MarkerArray, "twin/markers", qos.STATES)
+        if self._alone is None:
+            self.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, qos.STREAM)
+            self.create_subscription(FaceObservation, "bridge/face", self._on_face, qos.FACES)
+        else:
+            self.create_subscription(JointTrajectory, "twin/command", self._on_command, qos.STATES)
+        self.create_timer(1.0 / p.rate_hz, self._on_timer)
+        if p.markers_hz > 0.0:
+            self.create_timer(1.0 / p.markers_hz, self._publish_markers)
+        self.get_logger().info(f"twin ({p.mode}) stands on {p.start_face}, model {self._model.hash}")
+
+    # ---- process ----------------------------------------------------------------------------------------------------
+
+    def halt(self) -> None:
+        """Nothing of the twin moves anything."""
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    # ---- following --------------------------------------------------------------------------------------------------
+
+    def _on_sent(self, message: StrutsSent) -> None:
+        self._due.extend(self._stream.sent(messages.sent_event(message)))
+        self._catch_up()
+
+    def _on_face(self, message: FaceObservation) -> None:
+        self._due.extend(self._stream.observed(messages.observed_event(message)))
+        self._catch_up()
+
+    def _catch_up(self) -> None:
+        """Apply events that are due; what one callback has no time for waits for the next."""
+        self._begin_in_time()
+        until = time.monotonic() + CATCH_UP_S
+        while self._due and time.monotonic() < until:
+            event = self._due.popleft()
+            if isinstance(event, Begin):
+                self._begin(event)
+                continue
+            self._follower.apply(event)
+            self._at_rest = self._rest.at_rest(self._follower.robot, self._follower.step)
+            if isinstance(event, Observed) and event.settled:
+                self._publish_state()
+            self._tell_face()
+
+    def _begin_in_time(self) -> None:
+        if not self._stream.waiting:
+            self._waiting_since = None
+        elif self._waiting_since is None:
+            self._waiting_since = time.monotonic()
+        elif time.monotonic() - self._waiting_since > BEGIN_WAIT_S:
+            self._due.extend(self._stream.begin())
+
+    def _begin(self, begin: Begin) -> None:
+        """A new stream: begin where the robot was last seen, else where the twin believes it to stand."""
+        self._began_on = begin.face or self._follower.robot.footing().face or self._settings.start_face
+        self._follower = Follower(self._model, self._began_on)
+        self._rest = RestWatch()
+        self.get_logger().info(f"the event stream begins; the twin stands on {self._began_on}")
+
+    # ---- stand-alone ------------------------------------------------------------------------------------------------
+
+    def _on_command(self, message: JointTrajectory) -> None:
+        assert self._alone is not None
+        lengths = message.points[-1].positions if message.points else []
+        refusal = self._alone.command(message.joint_names, lengths)
+        if refusal:
+            self.get_logger().warning(f"twin/command refused: {refusal}")
+
+    # ---- publishing -------------------------------------------------------------------------------------------------
+
+    @property
+    def _robot(self) -> Robot:
+        return self._follower.robot if self._alone is None else self._alone.robot
+
+    @property
+    def _robot_time_ns(self) -> int:
+        return self._follower.robot_time_ns if self._alone is None else self._alone.robot_time_ns
+
+    def _header(self) -> Header:
+        return Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
+
+    def _on_timer(self) -> None:
+        if self._alone is None:
+            self._catch_up()
+        else:
+            self._alone.run_until(time.monotonic_ns())
+            self._at_rest = self._rest.at_rest(self._alone.robot, self._alone.robot.step)
+        header, robot = self._header(), self._robot
+        self._publish_state()
+        self._tell_face()
+        speeds = messages.strut_speeds_m_s(robot)
+        self._joint_states.publish(messages.joint_states(header.stamp, robot.rest_lengths_m(), speeds, robot.strut_forces_n()))
+        self._joints.publish(messages.joints(robot, header))
+        self._pose.publish(messages.body_pose(robot, header))
+
+    def _publish_state(self) -> None:
+        message = messages.twin_state(self._robot, self._header())
+        message.robot_time_ns = self._robot_time_ns
+        message.face = self._robot.footing().face or ""
+        message.at_rest = self._at_rest
+        if self._alone is None:
+            follower = self._follower
+            message.step, message.first_seq, message.last_seq = follower.step, follower.first_seq, follower.last_seq
+            message.detail = (
+                f"began on {self._began_on}, {self._stream.lost} events lost, {follower.resets} corrections by observation"
+            )
+        else:
+            message.step = self._alone.robot.step
+            message.detail = f"stand-alone, {self._alone.skipped_s:.3f} s skipped"
+        self._state.publish(message)
+
+    def _tell_face(self) -> None:
+        """Publish the face if it, or whether the robot rests on it, has changed."""
+        footing = self._robot.footing()
+        now = (footing.face or "", self._at_rest)
+        if now == self._told_face:
+            return
+        self._told_face = now
+        self._face.publish(
+            FaceObservation(
+                header=self._header(),
+                robot_time_ns=self._robot_time_ns,
+                face=now[0],
+                source=FaceObservation.SOURCE_PREDICTED,
+                settled=self._at_rest,
+                detail=footing.detail,
+            )
+        )
+
+    def _publish_markers(self) -> None:
+        face = self._robot.footing().face or ""
+        self._markers.publish(markers(self._robot, face, self._header(), self._full_scale_n))
+
+
+def _model(p: TwinParameters) -> Model:
+    return perturb(build_model(load_prototype(p.prototype_file or None)), p.perturbation, p.seed)
+
+
+def main(args: list[str] | None = None) -> int:
+    """The executable `twin`."""
+    return run(TwinNode, args)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
