@@ -1,7 +1,7 @@
 """The VFIFE step: particles joined by massless beams and cables, rigid joints, Coulomb contact, explicit leapfrog.
 
-Everything about one robot is two flat rows of numbers, `state` (changes) and `par` (does not), cut up by `Layout`; the topology is
-small integer tables. A step is
+Everything about one robot is two flat columns of rows, `state` (changes) and `par` (does not), cut up by `Layout`; a row is one
+robot's number or eight robots' (see `lanes`). The topology is small integer tables. A step is
 
 1. struts drive their rest lengths towards their targets at constant speed,
 2. forces: beams, cables, contacts, gravity,
@@ -28,7 +28,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from sim_core.lanes import any_of, larger, root, select, smaller
+from sim_core.lanes import add_to, any_of, larger, load, root, select, smaller, store
 
 # Rows of one particle in `state`: position, half-step velocity, orientation quaternion (w x y z), half-step spatial spin.
 X, V, Q, S, PARTICLE_ROWS = 0, 3, 6, 10, 13
@@ -116,21 +116,21 @@ def _cross(ax, ay, az, bx, by, bz):
 def _rotated(work, w, x, y, z):
     """R (x, y, z) with the rotation matrix at row `w`."""
     return (
-        work[w] * x + work[w + 1] * y + work[w + 2] * z,
-        work[w + 3] * x + work[w + 4] * y + work[w + 5] * z,
-        work[w + 6] * x + work[w + 7] * y + work[w + 8] * z,
+        load(work, w) * x + load(work, w + 1) * y + load(work, w + 2) * z,
+        load(work, w + 3) * x + load(work, w + 4) * y + load(work, w + 5) * z,
+        load(work, w + 6) * x + load(work, w + 7) * y + load(work, w + 8) * z,
     )
 
 
 @njit(cache=True)
 def _push(work, w, fx, fy, fz, mx, my, mz):
     """Add a force and a moment to the particle whose work rows start at `w`."""
-    work[w + F] += fx
-    work[w + F + 1] += fy
-    work[w + F + 2] += fz
-    work[w + M] += mx
-    work[w + M + 1] += my
-    work[w + M + 2] += mz
+    add_to(work, w + F, fx)
+    add_to(work, w + F + 1, fy)
+    add_to(work, w + F + 2, fz)
+    add_to(work, w + M, mx)
+    add_to(work, w + M + 1, my)
+    add_to(work, w + M + 2, mz)
 
 
 @njit(cache=True)
@@ -150,22 +150,33 @@ def _matrix(qw, qx, qy, qz):
 
 
 @njit(cache=True)
+def _put_matrix(work, w, matrix):
+    """Store a rotation matrix at row `w`."""
+    for i in range(9):
+        store(work, w + i, matrix[i])
+
+
+@njit(cache=True)
 def _beam(state, par, work, p1, p2, rest, b):
     """Forces of one beam; returns its axial force (tension positive)."""
     x1, x2 = p1 * PARTICLE_ROWS + X, p2 * PARTICLE_ROWS + X
     w1, w2 = p1 * WORK_ROWS, p2 * WORK_ROWS
-    ex, ey, ez = state[x2] - state[x1], state[x2 + 1] - state[x1 + 1], state[x2 + 2] - state[x1 + 2]
+    ex, ey, ez = (
+        load(state, x2) - load(state, x1),
+        load(state, x2 + 1) - load(state, x1 + 1),
+        load(state, x2 + 2) - load(state, x1 + 2),
+    )
     length = root(ex * ex + ey * ey + ez * ez)
     ex, ey, ez = ex / length, ey / length, ez / length
     # section axes of both ends: a along the strut, b and c across it
-    a1x, a1y, a1z = work[w1 + R], work[w1 + R + 3], work[w1 + R + 6]
-    b1x, b1y, b1z = work[w1 + R + 1], work[w1 + R + 4], work[w1 + R + 7]
-    c1x, c1y, c1z = work[w1 + R + 2], work[w1 + R + 5], work[w1 + R + 8]
-    a2x, a2y, a2z = work[w2 + R], work[w2 + R + 3], work[w2 + R + 6]
-    b2x, b2y, b2z = work[w2 + R + 1], work[w2 + R + 4], work[w2 + R + 7]
-    c2x, c2y, c2z = work[w2 + R + 2], work[w2 + R + 5], work[w2 + R + 8]
-    axial = par[b + EA] * (length - rest) / rest
-    bend = 2.0 * par[b + EI] / rest
+    a1x, a1y, a1z = load(work, w1 + R), load(work, w1 + R + 3), load(work, w1 + R + 6)
+    b1x, b1y, b1z = load(work, w1 + R + 1), load(work, w1 + R + 4), load(work, w1 + R + 7)
+    c1x, c1y, c1z = load(work, w1 + R + 2), load(work, w1 + R + 5), load(work, w1 + R + 8)
+    a2x, a2y, a2z = load(work, w2 + R), load(work, w2 + R + 3), load(work, w2 + R + 6)
+    b2x, b2y, b2z = load(work, w2 + R + 1), load(work, w2 + R + 4), load(work, w2 + R + 7)
+    c2x, c2y, c2z = load(work, w2 + R + 2), load(work, w2 + R + 5), load(work, w2 + R + 8)
+    axial = load(par, b + EA) * (length - rest) / rest
+    bend = 2.0 * load(par, b + EI) / rest
     # dU/dθi
     t1x, t1y, t1z = _cross(ex, ey, ez, a1x, a1y, a1z)
     t2x, t2y, t2z = _cross(ex, ey, ez, a2x, a2y, a2z)
@@ -180,7 +191,7 @@ def _beam(state, par, work, p1, p2, rest, b):
     fy = axial * ey + (gy - along * ey) / length
     fz = axial * ez + (gz - along * ez) / length
     # moment that end i feels: −[(e·aᵢ) mᵢ − (aᵢ·mᵢ) e], and the twist's share
-    twist = 0.25 * par[b + GJ] / rest * (b2x * c1x + b2y * c1y + b2z * c1z - c2x * b1x - c2y * b1y - c2z * b1z)
+    twist = 0.25 * load(par, b + GJ) / rest * (b2x * c1x + b2y * c1y + b2z * c1z - c2x * b1x - c2y * b1y - c2z * b1z)
     h1x, h1y, h1z = _cross(b2x, b2y, b2z, c1x, c1y, c1z)
     h2x, h2y, h2z = _cross(b1x, b1y, b1z, c2x, c2y, c2z)
     hx, hy, hz = twist * (h1x + h2x), twist * (h1y + h2y), twist * (h1z + h2z)
@@ -198,13 +209,13 @@ def _cable(state, par, work, p1, p2, c):
     """Forces of one cable between slave points of two rigid bodies."""
     x1, x2 = p1 * PARTICLE_ROWS + X, p2 * PARTICLE_ROWS + X
     w1, w2 = p1 * WORK_ROWS, p2 * WORK_ROWS
-    r1x, r1y, r1z = _rotated(work, w1, par[c + R1], par[c + R1 + 1], par[c + R1 + 2])
-    r2x, r2y, r2z = _rotated(work, w2, par[c + R2], par[c + R2 + 1], par[c + R2 + 2])
-    dx = state[x2] + r2x - state[x1] - r1x
-    dy = state[x2 + 1] + r2y - state[x1 + 1] - r1y
-    dz = state[x2 + 2] + r2z - state[x1 + 2] - r1z
+    r1x, r1y, r1z = _rotated(work, w1, load(par, c + R1), load(par, c + R1 + 1), load(par, c + R1 + 2))
+    r2x, r2y, r2z = _rotated(work, w2, load(par, c + R2), load(par, c + R2 + 1), load(par, c + R2 + 2))
+    dx = load(state, x2) + r2x - load(state, x1) - r1x
+    dy = load(state, x2 + 1) + r2y - load(state, x1 + 1) - r1y
+    dz = load(state, x2 + 2) + r2z - load(state, x1 + 2) - r1z
     length = root(dx * dx + dy * dy + dz * dz)
-    pull = larger(0.0, par[c + K] * (length - par[c + L0])) / length
+    pull = larger(0.0, load(par, c + K) * (length - load(par, c + L0))) / length
     fx, fy, fz = pull * dx, pull * dy, pull * dz
     m1x, m1y, m1z = _cross(r1x, r1y, r1z, fx, fy, fz)
     m2x, m2y, m2z = _cross(r2x, r2y, r2z, fx, fy, fz)
@@ -216,41 +227,41 @@ def _cable(state, par, work, p1, p2, c):
 def _contact(state, par, work, p, wx, wy, wz, point, row, ground, dt):
     """Forces of the ground on one contact point of joint `p`, which turns with (wx, wy, wz)."""
     x, w = p * PARTICLE_ROWS, p * WORK_ROWS
-    rx, ry, rz = _rotated(work, w, par[point], par[point + 1], par[point + 2])
-    height = state[x + X + 2] + rz
+    rx, ry, rz = _rotated(work, w, load(par, point), load(par, point + 1), load(par, point + 2))
+    height = load(state, x + X + 2) + rz
     vx, vy, vz = _cross(wx, wy, wz, rx, ry, rz)
-    vx, vy, vz = vx + state[x + V], vy + state[x + V + 1], vz + state[x + V + 2]
-    normal = larger(0.0, -par[ground + KN] * height - par[ground + CN] * vz)
+    vx, vy, vz = vx + load(state, x + V), vy + load(state, x + V + 1), vz + load(state, x + V + 2)
+    normal = larger(0.0, -load(par, ground + KN) * height - load(par, ground + CN) * vz)
     normal = select(height < 0.0, normal, 0.0)
-    stiffness, damping = par[ground + KT], par[ground + CT]
+    stiffness, damping = load(par, ground + KT), load(par, ground + CT)
     # trial force of the tangential spring-damper
-    ux, uy = state[row + U] + dt * vx, state[row + U + 1] + dt * vy
+    ux, uy = load(state, row + U) + dt * vx, load(state, row + U + 1) + dt * vy
     tx, ty = -stiffness * ux - damping * vx, -stiffness * uy - damping * vy
     trial = root(tx * tx + ty * ty)
-    sliding = state[row + SLIDING]
-    limit = select(sliding > 0.5, par[ground + MU_K], par[ground + MU_S]) * normal
+    sliding = load(state, row + SLIDING)
+    limit = select(sliding > 0.5, load(par, ground + MU_K), load(par, ground + MU_S)) * normal
     slides = trial > limit
-    scale = select(slides, par[ground + MU_K] * normal / larger(trial, 1e-30), 1.0)
+    scale = select(slides, load(par, ground + MU_K) * normal / larger(trial, 1e-30), 1.0)
     tx, ty = scale * tx, scale * ty
     touching = normal > 0.0
     # a sliding spring is kept at the stretch that carries its force, so that it sticks again without a jump
-    state[row + U] = select(touching, select(slides, -(tx + damping * vx) / stiffness, ux), 0.0)
-    state[row + U + 1] = select(touching, select(slides, -(ty + damping * vy) / stiffness, uy), 0.0)
-    state[row + SLIDING] = select(touching, select(slides, 1.0, 0.0), 0.0)
+    store(state, row + U, select(touching, select(slides, -(tx + damping * vx) / stiffness, ux), 0.0))
+    store(state, row + U + 1, select(touching, select(slides, -(ty + damping * vy) / stiffness, uy), 0.0))
+    store(state, row + SLIDING, select(touching, select(slides, 1.0, 0.0), 0.0))
     tx, ty = select(touching, tx, 0.0), select(touching, ty, 0.0)
     # the point pressed onto the plane carries the force
     mx, my, mz = _cross(rx, ry, rz, tx, ty, normal)
     _push(work, w, tx, ty, normal, mx, my, mz)
-    work[w + NORMAL] += normal
+    add_to(work, w + NORMAL, normal)
 
 
 @njit(cache=True)
 def _spin_to_turn(par, work, p, sx, sy, sz):
     """ω = R I⁻¹ Rᵀ s with the rotation matrix in `work`."""
     w, i = p * WORK_ROWS, p * PARTICLE_PAR + INV_I
-    bx = (work[w] * sx + work[w + 3] * sy + work[w + 6] * sz) * par[i]
-    by = (work[w + 1] * sx + work[w + 4] * sy + work[w + 7] * sz) * par[i + 1]
-    bz = (work[w + 2] * sx + work[w + 5] * sy + work[w + 8] * sz) * par[i + 2]
+    bx = (load(work, w) * sx + load(work, w + 3) * sy + load(work, w + 6) * sz) * load(par, i)
+    by = (load(work, w + 1) * sx + load(work, w + 4) * sy + load(work, w + 7) * sz) * load(par, i + 1)
+    bz = (load(work, w + 2) * sx + load(work, w + 5) * sy + load(work, w + 8) * sz) * load(par, i + 2)
     return _rotated(work, w, bx, by, bz)
 
 
@@ -259,11 +270,11 @@ def _drive(state, par, struts, par_struts):
     """Every strut moves its rest length towards its target, at most its speed × Δt, and stops there."""
     for s in range(6):
         row = struts + s * STRUT_ROWS
-        most = par[par_struts + s * STRUT_PAR]
-        gap = state[row + TARGET] - state[row + REST]
-        state[row + REST] = select(
-            smaller(gap, -gap) >= -most, state[row + TARGET], state[row + REST] + select(gap > 0.0, most, -most)
-        )
+        most = load(par, par_struts + s * STRUT_PAR)
+        rest, target = load(state, row + REST), load(state, row + TARGET)
+        gap = target - rest
+        arrives = smaller(gap, -gap) >= -most
+        store(state, row + REST, select(arrives, target, rest + select(gap > 0.0, most, -most)))
 
 
 @njit(cache=True)
@@ -277,33 +288,23 @@ def forces(state, par, work, topology, dt, reach):
     lay = layout(particles, beams.shape[0], cables.shape[0])
     for p in range(particles):
         x, w = p * PARTICLE_ROWS, p * WORK_ROWS
-        (
-            work[w],
-            work[w + 1],
-            work[w + 2],
-            work[w + 3],
-            work[w + 4],
-            work[w + 5],
-            work[w + 6],
-            work[w + 7],
-            work[w + 8],
-        ) = _matrix(state[x + Q], state[x + Q + 1], state[x + Q + 2], state[x + Q + 3])
+        _put_matrix(work, w, _matrix(load(state, x + Q), load(state, x + Q + 1), load(state, x + Q + 2), load(state, x + Q + 3)))
         for axis in range(3):
-            work[w + F + axis] = par[p * PARTICLE_PAR + WEIGHT + axis]
-            work[w + M + axis] = 0.0 * par[p * PARTICLE_PAR]
-        work[w + NORMAL] = 0.0 * par[p * PARTICLE_PAR]
+            store(work, w + F + axis, load(par, p * PARTICLE_PAR + WEIGHT + axis))
+            store(work, w + M + axis, 0.0)
+        store(work, w + NORMAL, 0.0)
     for b in range(beams.shape[0]):
         strut = lay.struts + beams[b, 2] * STRUT_ROWS
         row = lay.par_beams + b * BEAM_PAR
-        axial = _beam(state, par, work, beams[b, 0], beams[b, 1], state[strut + REST] * par[row + SHARE], row)
-        state[strut + AXIAL] = axial
-        state[strut + PEAK] = larger(state[strut + PEAK], larger(axial, -axial))
+        axial = _beam(state, par, work, beams[b, 0], beams[b, 1], load(state, strut + REST) * load(par, row + SHARE), row)
+        store(state, strut + AXIAL, axial)
+        store(state, strut + PEAK, larger(load(state, strut + PEAK), larger(axial, -axial)))
     for c in range(cables.shape[0]):
         _cable(state, par, work, cables[c, 0], cables[c, 1], lay.par_cables + c * CABLE_PAR)
     for p in range(JOINTS):
         x = p * PARTICLE_ROWS
-        if any_of(state[x + X + 2] < reach):
-            wx, wy, wz = _spin_to_turn(par, work, p, state[x + S], state[x + S + 1], state[x + S + 2])
+        if any_of(load(state, x + X + 2) < reach):
+            wx, wy, wz = _spin_to_turn(par, work, p, load(state, x + S), load(state, x + S + 1), load(state, x + S + 2))
             for k in range(POINTS_PER_JOINT):
                 point = p * POINTS_PER_JOINT + k
                 _contact(
@@ -328,30 +329,24 @@ def _integrate(state, par, work, particles, dt, zeta):
     keep = (1.0 - 0.5 * zeta * dt) * gain
     for p in range(particles):
         x, w = p * PARTICLE_ROWS, p * WORK_ROWS
-        push = par[p * PARTICLE_PAR + DT_M] * gain
+        push = load(par, p * PARTICLE_PAR + DT_M) * gain
         for axis in range(3):
-            velocity = keep * state[x + V + axis] + push * work[w + F + axis]
-            state[x + V + axis] = velocity
-            state[x + X + axis] += dt * velocity
-            state[x + S + axis] = keep * state[x + S + axis] + gain * dt * work[w + M + axis]
-        sx, sy, sz = state[x + S], state[x + S + 1], state[x + S + 2]
-        qw, qx, qy, qz = state[x + Q], state[x + Q + 1], state[x + Q + 2], state[x + Q + 3]
+            velocity = keep * load(state, x + V + axis) + push * load(work, w + F + axis)
+            store(state, x + V + axis, velocity)
+            add_to(state, x + X + axis, dt * velocity)
+            store(state, x + S + axis, keep * load(state, x + S + axis) + gain * dt * load(work, w + M + axis))
+        sx, sy, sz = load(state, x + S), load(state, x + S + 1), load(state, x + S + 2)
+        qw, qx, qy, qz = load(state, x + Q), load(state, x + Q + 1), load(state, x + Q + 2), load(state, x + Q + 3)
         # ω with R at mid-step: half a step with the ω of now, then the full step with that ω
         wx, wy, wz = _spin_to_turn(par, work, p, sx, sy, sz)
         hw, hx, hy, hz = turned(qw, qx, qy, qz, wx, wy, wz, 0.25 * dt)
-        (
-            work[w],
-            work[w + 1],
-            work[w + 2],
-            work[w + 3],
-            work[w + 4],
-            work[w + 5],
-            work[w + 6],
-            work[w + 7],
-            work[w + 8],
-        ) = _matrix(hw, hx, hy, hz)
+        _put_matrix(work, w, _matrix(hw, hx, hy, hz))
         wx, wy, wz = _spin_to_turn(par, work, p, sx, sy, sz)
-        state[x + Q], state[x + Q + 1], state[x + Q + 2], state[x + Q + 3] = turned(qw, qx, qy, qz, wx, wy, wz, 0.5 * dt)
+        qw, qx, qy, qz = turned(qw, qx, qy, qz, wx, wy, wz, 0.5 * dt)
+        store(state, x + Q, qw)
+        store(state, x + Q + 1, qx)
+        store(state, x + Q + 2, qy)
+        store(state, x + Q + 3, qz)
 
 
 @njit(cache=True)
