@@ -127,9 +127,7 @@ class Bridge:
 
     # ---- commands ---------------------------------------------------------------------------------------------------
 
-    def arm(
-        self, holder: str, lifted_and_clear: bool, confirmed_lengths_m: Sequence[float | None] | None = None
-    ) -> str:
+    def arm(self, holder: str, lifted_and_clear: bool, confirmed_lengths_m: Sequence[float | None] | None = None) -> str:
         """Takes the lease and begins homing, which ends in ARMED (see ``snapshot`` and ``on_state``).
 
         Args:

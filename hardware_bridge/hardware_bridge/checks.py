@@ -157,9 +157,7 @@ def _check_stroke(rules: Rules, lengths_m: Sequence[float], bound_m: float, wher
         _check_one_stroke(rules, index, length_m - rules.calibration.mid_stroke_length_m, bound_m, 0.0, where)
 
 
-def _check_one_stroke(
-    rules: Rules, index: int, stroke_m: float, bound_m: float, tolerance_m: float, where: str
-) -> None:
+def _check_one_stroke(rules: Rules, index: int, stroke_m: float, bound_m: float, tolerance_m: float, where: str) -> None:
     low_mm, high_mm = rules.calibration.struts[index].stroke_mm
     low_m, high_m = max(-bound_m, low_mm * 1e-3), min(bound_m, high_mm * 1e-3)
     tolerance_m += _ROUNDING_M

@@ -49,9 +49,7 @@ class LastPulses:
         found = [pulses.get(str(channel)) for channel in channels]
         return tuple(pulse if isinstance(pulse, int) and not isinstance(pulse, bool) else None for pulse in found)
 
-    def save(
-        self, channels: Sequence[int], pulses_us: Sequence[int | None], force: bool = False, durable: bool = False
-    ) -> None:
+    def save(self, channels: Sequence[int], pulses_us: Sequence[int | None], force: bool = False, durable: bool = False) -> None:
         """Replaces the record, if it changes anything or ``force`` is set; ``durable`` waits for the disk.
 
         Raises:

@@ -56,6 +56,7 @@ from hardware_bridge.protocol import (
     Tick,
 )
 
+_ROUNDING_S = 1e-6
 _ALL = tuple(range(len(STRUTS)))
 _NOBODY = (False,) * len(STRUTS)
 
@@ -208,14 +209,16 @@ class Supervisor:
         elapsed_s = self.rules.pacing.period_s if motion.ticked_s is None else max(0.0, now.robot_s - motion.ticked_s)
         sent_m = np.array(self._lengths_m(state))
         advance_s = self._permitted_advance_s(motion, elapsed_s, sent_m)
-        progress_s = min(motion.progress_s + advance_s, motion.path.duration_s)
+        progress_s = motion.progress_s + advance_s
+        if progress_s > motion.path.duration_s - _ROUNDING_S:
+            progress_s = motion.path.duration_s
         target_m = motion.path.at(progress_s)
         pulses_us = self.rules.calibration.pulses_us(list(target_m))
 
         board_m = self._board_m(state, sent_m, now)
         rounded_m = np.array(self.rules.calibration.lengths_m(pulses_us))
         change_m = float(max(np.max(np.abs(rounded_m - board_m)), np.max(np.abs(rounded_m - sent_m))))
-        duration_ms = max(self._period_ms(), math.ceil(change_m / self.rules.limits.speed_m_s * 1e3))
+        duration_ms = max(self._period_ms(), _whole_ms(change_m / self.rules.limits.speed_m_s))
         frame = LastFrame(tuple(map(float, board_m)), now.robot_s, duration_ms * 1e-3)
         moved = Motion(motion.number, motion.path, progress_s, now.robot_s)
         kind = Kind.HOME if motion.number == HOMING_NUMBER else Kind.MOVE
@@ -284,4 +287,8 @@ class Supervisor:
         return self.rules.calibration.lengths_m(self._pulses(state))
 
     def _period_ms(self) -> int:
-        return math.ceil(self.rules.pacing.period_s * self.rules.pacing.overlap * 1e3 - 1e-9)
+        return _whole_ms(self.rules.pacing.period_s * self.rules.pacing.overlap)
+
+
+def _whole_ms(duration_s: float) -> int:
+    return math.ceil((duration_s - _ROUNDING_S) * 1e3)
