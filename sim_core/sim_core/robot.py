@@ -7,10 +7,12 @@ import hashlib
 import numpy as np
 
 from sim_core import kernel as k
+from sim_core import watch as w
 from sim_core.elements import Array
 from sim_core.errors import DivergedError
 from sim_core.footing import Footing, clearance_m, judge_footing
 from sim_core.model import Model
+from sim_core.policy import neutral_lengths
 from sim_core.rotation import about_z, best_fit, matrix_of, quaternion_of, turn_onto
 from sim_core.structure import FACES, NODES, require_face
 
@@ -49,34 +51,38 @@ class Robot:
         Raises:
             UnknownFaceError, DivergedError.
         """
+        robot = cls.placed_on(model, face, yaw_rad)
+        m = model
+        steps = round(SETTLE_S * m.steps_per_second)
+        k.advance(robot._state, m.par, robot._work, m.topology, m.dt_s, SETTLE_ZETA_1_S, m.reach_m, steps)
+        robot.take_settled(*robot.rows(), center_m)
+        return robot
+
+    @classmethod
+    def placed_on(cls, model: Model, face: str, yaw_rad: float = 0.0) -> Robot:
+        """A robot in the ideal shape, put down on a face, not settled yet. Raises UnknownFaceError."""
         robot = cls(model)
         corners = NODES[list(FACES[require_face(face)])]
         normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
         normal /= np.linalg.norm(normal) * np.sign(normal @ corners[0])
         robot.place(about_z(yaw_rad) @ turn_onto(normal, np.array([0.0, 0.0, -1.0])), np.zeros(3))
-        lowest = robot.contact_points_m()[:, 2].min()
-        robot._particles[:, k.X + 2] -= lowest
-        robot._settle()
-        shift = np.append(np.asarray(center_m) - robot.center_of_mass_m()[:2], 0.0)
-        robot._particles[:, k.X : k.X + 3] += shift
+        robot._particles[:, k.X + 2] -= robot.contact_points_m()[:, 2].min()
         return robot
 
-    def _settle(self) -> None:
-        """Relax with heavy damping, then stop all motion; friction keeps its hold."""
-        k.advance(
-            self._state,
-            self.model.par,
-            self._work,
-            self.model.topology,
-            self.model.dt_s,
-            SETTLE_ZETA_1_S,
-            self.model.reach_m,
-            round(SETTLE_S * self.model.steps_per_second),
-        )
+    def take_settled(self, state: Array, work: Array, center_m: tuple[float, float] = (0.0, 0.0)) -> None:
+        """Take on the rows of a robot that was settled with heavy damping: stop all motion (friction keeps its hold) and put the
+        centre of mass above `center_m`."""
+        self._state[:], self._work[:] = state, work
         self._require_finite()
         self._particles[:, k.V : k.V + 3] = 0.0
         self._particles[:, k.S : k.S + 3] = 0.0
         self.reset_peaks()
+        shift = np.append(np.asarray(center_m) - self.center_of_mass_m()[:2], 0.0)
+        self._particles[:, k.X : k.X + 3] += shift
+
+    def rows(self) -> tuple[Array, Array]:
+        """The kernel's state and work rows of this robot (copies)."""
+        return self._state.copy(), self._work.copy()
 
     @property
     def _particles(self) -> Array:
@@ -160,8 +166,9 @@ class Robot:
 
     def center_of_mass_m(self) -> Array:
         """(3,)."""
-        mass = self.model.elements.mass_kg
-        return mass @ self._particles[:, k.X : k.X + 3] / mass.sum()
+        center = np.empty(3)
+        w.center_of_mass(self._state, self.model.elements.mass_kg, center)
+        return center
 
     def rest_lengths_m(self) -> Array:
         """Present rest lengths of the struts, (6,)."""
@@ -205,6 +212,15 @@ class Robot:
         """Smallest gap between surfaces of struts, and of struts and box, now."""
         p = self.model.prototype
         return clearance_m(self.joints_m(), self.box_m(), p.strut_diameter_m, p.box_radius_m)
+
+    def begin_watch(self, record: Array, rules: w.Rules, source: int, aim: int) -> None:
+        """Start the record of a roll; see `watch.begin`."""
+        neutral = self.model.rest_lengths(neutral_lengths(self.model.prototype))
+        w.begin(self._state, self._work, record, rules, self.model.layout.struts, source, aim, neutral)
+
+    def look(self, record: Array, rules: w.Rules) -> None:
+        """One sample of a roll; see `watch.look`. May send the struts back to neutral."""
+        w.look(self._state, self._work, record, rules, self.model.layout.struts)
 
     def is_slow(self) -> bool:
         """Every joint is slower than the rest speed now."""

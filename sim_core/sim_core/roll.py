@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
+from sim_core import watch as w
 from sim_core.elements import Array
-from sim_core.footing import Footing
+from sim_core.footing import FACE_NAMES, Footing, footing_of
 from sim_core.model import Model
-from sim_core.policy import Policy, checked_policy, lengths_of, neutral_lengths
+from sim_core.policy import Policy, checked_policy, lengths_of
 from sim_core.robot import Robot
 from sim_core.structure import require_adjacent
-
-SAMPLE_S = 0.01
-"""Footing, clearance and rest are looked at this often. Strut forces are watched at every step."""
+from sim_core.watch import SAMPLE_S
 
 
 @dataclass(frozen=True)
@@ -47,40 +47,6 @@ class RollResult:
     margin_m: float
     duration_s: float
     travel_m: tuple[float, float]
-
-
-class _Watch:
-    """Steps a robot and keeps what the judgement needs."""
-
-    def __init__(self, robot: Robot, trace: list[Sample] | None):
-        self.robot, self.trace = robot, trace
-        self.chunk = max(1, round(SAMPLE_S * robot.model.steps_per_second))
-        self.clearance_m = robot.clearance_m()
-        self.faces = [face] if (face := robot.footing().face) else []
-        robot.reset_peaks()
-
-    def until_rest(self) -> bool:
-        """Step until the actuators have stopped and every joint has been slow for the hold time; False on time-out."""
-        robot, rule = self.robot, self.robot.model.prototype
-        chunk_s = self.chunk * robot.model.dt_s
-        quiet_s, waited_s = 0.0, 0.0
-        while waited_s < rule.rest_timeout_s:
-            robot.advance(self.chunk)
-            self._look()
-            driving = not np.array_equal(robot.rest_lengths_m(), robot.targets_m())
-            waited_s = 0.0 if driving else waited_s + chunk_s
-            quiet_s = quiet_s + chunk_s if robot.is_slow() and not driving else 0.0
-            if quiet_s >= rule.rest_hold_s:
-                return True
-        return False
-
-    def _look(self) -> None:
-        self.clearance_m = min(self.clearance_m, self.robot.clearance_m())
-        face = self.robot.footing().face
-        if face and (not self.faces or self.faces[-1] != face):
-            self.faces.append(face)
-        if self.trace is not None:
-            self.trace.append(sample(self.robot))
 
 
 @dataclass(frozen=True)
@@ -135,49 +101,92 @@ def roll(
 def follow_policy(robot: Robot, source: str, target: str | None, policy: Policy, trace: list[Sample] | None = None) -> RollResult:
     """`roll` without its checks; with target None the roll is judged against the face it lands on."""
     model = robot.model
-    began, start_m = robot.step, robot.center_of_mass_m()
-    watch = _Watch(robot, trace)
+    rules = rules_of(model)
+    chunk = samples_of(model, SAMPLE_S)
+    record = np.zeros(w.RECORD)
+    robot.begin_watch(record, rules, face_number(source), -1 if target is None else face_number(target))
     robot.set_targets(lengths_of(model.prototype, policy))
-    at_rest = watch.until_rest()
-    actuated = robot.footing()
-    aim = target if target is not None else (actuated.face or "")
-    reason, returned = "", None
-    if not at_rest:
-        reason = f"not settled within {model.prototype.rest_timeout_s:g} s after actuation"
-    elif actuated.face != aim or aim == source:
+    while record[w.PHASE] in (w.ACTUATING, w.RETURNING):
+        robot.advance(chunk)
+        robot.look(record, rules)
+        if trace is not None:
+            trace.append(sample(robot))
+    return result_of(model, source, policy, record, robot.peak_forces_n(), robot.center_of_mass_m())
+
+
+def rules_of(model: Model) -> w.Rules:
+    """What a watch of this model judges by."""
+    p, gravity = model.prototype, model.elements.gravity_m_s2
+    period = samples_of(model, SAMPLE_S) * model.dt_s
+    return w.Rules(
+        model.elements.mass_kg,
+        p.carry_fraction * model.weight_n,
+        gravity / np.linalg.norm(gravity) if np.any(gravity) else np.array([0.0, 0.0, -1.0]),
+        p.rest_speed_m_s,
+        math.ceil(p.rest_hold_s / period - 1e-9),
+        math.ceil(p.rest_timeout_s / period - 1e-9),
+        p.strut_diameter_m,
+        p.box_radius_m,
+        model.topology.particles,
+    )
+
+
+def samples_of(model: Model, seconds: float) -> int:
+    """Steps that last `seconds`, at least one."""
+    return max(1, round(seconds * model.steps_per_second))
+
+
+def face_number(face: str) -> int:
+    """Number of a face in `footing.FACE_NAMES`."""
+    return FACE_NAMES.index(face)
+
+
+def result_of(
+    model: Model, source: str, policy: Policy, record: Array, peak_forces_n: Array, center_of_mass_m: Array
+) -> RollResult:
+    """Judge a finished record."""
+    rule, phase, aim = model.prototype, int(record[w.PHASE]), int(record[w.AIM])
+    actuated, returned = (_footing(record, place) for place in (w.ACTUATED, w.RETURNED))
+    went_back = phase == w.TIMED_OUT_RETURNING or (phase == w.DONE and returned.joints != ())
+    peak, clearance = float(peak_forces_n.max()), float(record[w.CLEARANCE])
+    allowed = rule.force_fraction * rule.actuator_stall_n
+    wanted = FACE_NAMES[aim] if aim >= 0 else (actuated.face or "")
+    if phase == w.DIVERGED:
+        reason = "the simulation diverged"
+    elif phase in (w.TIMED_OUT_ACTUATING, w.TIMED_OUT_RETURNING):
+        reason = f"not settled within {rule.rest_timeout_s:g} s after {'the return' if went_back else 'actuation'}"
+    elif actuated.face is None or actuated.face != wanted or wanted == source:
         reason = f"after actuation it {_stands(actuated)}"
-    else:
-        robot.set_targets(neutral_lengths(model.prototype))
-        at_rest = watch.until_rest()
-        returned = robot.footing()
-        if not at_rest:
-            reason = f"not settled within {model.prototype.rest_timeout_s:g} s after the return"
-        elif returned.face != aim:
-            reason = f"after the return it {_stands(returned)}"
-    peak = float(robot.peak_forces_n().max())
-    allowed = model.prototype.force_fraction * model.prototype.actuator_stall_n
-    if not reason and peak > allowed:
+    elif returned.face != wanted:
+        reason = f"after the return it {_stands(returned)}"
+    elif peak > allowed:
         reason = f"strut force reached {peak:.1f} N; allowed are {allowed:.1f} N"
-    if not reason and watch.clearance_m < model.prototype.clearance_margin_m:
-        reason = (
-            f"clearance fell to {1e3 * watch.clearance_m:.1f} mm; required are {1e3 * model.prototype.clearance_margin_m:.1f} mm"
-        )
-    travel = robot.center_of_mass_m() - start_m
+    elif clearance < rule.clearance_margin_m:
+        reason = f"clearance fell to {1e3 * clearance:.1f} mm; required are {1e3 * rule.clearance_margin_m:.1f} mm"
+    else:
+        reason = ""
+    travel = center_of_mass_m - record[w.START : w.START + 3]
+    margins = [footing.margin_m for footing in ((actuated, returned) if went_back else (actuated,))]
+    faces = tuple(FACE_NAMES[int(n)] for n in record[w.FACE_LIST : w.FACE_LIST + int(record[w.FACES_SEEN])])
     return RollResult(
         source,
-        aim,
+        wanted,
         policy,
         not reason,
         reason,
-        tuple(watch.faces),
+        faces,
         actuated,
-        returned,
+        returned if went_back else None,
         peak,
-        watch.clearance_m,
-        float(np.min([actuated.margin_m, returned.margin_m if returned else actuated.margin_m])),
-        (robot.step - began) * model.dt_s,
+        clearance,
+        min(margins),
+        float(record[w.SAMPLES]) * samples_of(model, SAMPLE_S) * model.dt_s,
         (float(travel[0]), float(travel[1])),
     )
+
+
+def _footing(record: Array, place: int) -> Footing:
+    return footing_of(int(record[place]), int(record[place + 1]), float(record[place + 2]))
 
 
 def _stands(footing: Footing) -> str:

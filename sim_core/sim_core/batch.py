@@ -1,0 +1,247 @@
+"""Many rolls at once: eight robots in the lanes of the vector unit, blocks of lanes over the cores.
+
+Robots may differ (perturbed prototypes, slopes, first faces, policies). A lane whose roll is over takes the next job, so none
+waits for another. A robot's bits do not depend on its lane, its neighbours or the number of threads: each lane computes what
+`roll` does.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from sim_core import kernel as k
+from sim_core import watch as w
+from sim_core.elements import Array
+from sim_core.errors import ModelError
+from sim_core.lanes import ALIGNMENT, WIDTH
+from sim_core.model import Model
+from sim_core.policy import Policy, lengths_of, neutral_lengths
+from sim_core.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
+from sim_core.roll import RollResult, face_number, result_of, rules_of, samples_of
+from sim_core.watch import SAMPLE_S
+
+
+class Job(NamedTuple):
+    """One roll: which model (index), from which face, with which policy, onto which face (None: whatever it lands on)."""
+
+    model: int
+    source: str
+    policy: Policy
+    target: str | None = None
+
+
+class Shared(NamedTuple):
+    """What all robots of a batch have in common."""
+
+    dt: float
+    zeta: float
+    reach: float
+    chunk: int
+    struts: int
+
+
+class Robots(NamedTuple):
+    """What differs from model to model: kernel rows (m, rows), masses (m, P), carrying force (m,), down (m, 3)."""
+
+    par: Array
+    mass: Array
+    carry: Array
+    down: Array
+
+
+def aligned_rows(rows: int) -> Array:
+    """Zeros, shape (rows, WIDTH), every row aligned as the lanes need it."""
+    raw = np.zeros(rows * WIDTH + ALIGNMENT // 8)
+    start = -raw.ctypes.data % ALIGNMENT // 8
+    return raw[start : start + rows * WIDTH].reshape(rows, WIDTH)
+
+
+@njit(nogil=True, cache=True)
+def _run(state, par, work, topology, shared, rules, robots, starts, jobs, neutral, targets, records, peaks, centers):
+    """Run jobs (model, start, source face, aim) one after the other through eight lanes."""
+    job_of_lane = np.full(WIDTH, -1)
+    following, running = 0, 0
+    for lane in range(WIDTH):
+        if following < jobs.shape[0]:
+            _load(state, par, work, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
+            job_of_lane[lane] = following
+            following += 1
+            running += 1
+        else:  # an idle lane repeats the first robot
+            state[:, lane] = state[:, 0]
+            par[:, lane] = par[:, 0]
+            work[:, lane] = work[:, 0]
+    while running > 0:
+        k.advance(state, par, work, topology, shared.dt, shared.zeta, shared.reach, shared.chunk)
+        for lane in range(WIDTH):
+            job = job_of_lane[lane]
+            if job < 0:
+                continue
+            own = _own(rules, robots, jobs[job, 0])
+            w.look(state[:, lane], work[:, lane], records[job], own, shared.struts)
+            if records[job, w.PHASE] <= w.RETURNING:
+                continue
+            for s in range(6):
+                peaks[job, s] = state[shared.struts + s * k.STRUT_ROWS + k.PEAK, lane]
+            w.center_of_mass(state[:, lane], own.mass, centers[job])
+            if following < jobs.shape[0]:
+                _load(state, par, work, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
+                job_of_lane[lane] = following
+                following += 1
+            else:
+                job_of_lane[lane] = -1
+                running -= 1
+
+
+@njit(cache=True)
+def _own(rules, robots, model):
+    """The rules with one robot's own numbers."""
+    return w.Rules(
+        robots.mass[model],
+        robots.carry[model],
+        robots.down[model],
+        rules.rest_speed_m_s,
+        rules.hold_samples,
+        rules.timeout_samples,
+        rules.strut_diameter_m,
+        rules.box_radius_m,
+        rules.particles,
+        rules.face_of_joints,
+        rules.strut_ends,
+    )
+
+
+@njit(cache=True)
+def _load(state, par, work, lane, job, shared, rules, robots, starts, jobs, neutral, targets, records):
+    """Put a job's robot, settled, into a lane."""
+    model, start = jobs[job, 0], jobs[job, 1]
+    rows = state.shape[0]
+    state[:, lane] = starts[start, :rows]
+    work[:, lane] = starts[start, rows:]
+    par[:, lane] = robots.par[model]
+    own = _own(rules, robots, model)
+    w.begin(state[:, lane], work[:, lane], records[job], own, shared.struts, jobs[job, 2], jobs[job, 3], neutral[model])
+    for s in range(6):
+        state[shared.struts + s * k.STRUT_ROWS + k.TARGET, lane] = targets[job, s]
+
+
+@njit(nogil=True, cache=True)
+def _settle(state, par, work, topology, dt, zeta, reach, steps):
+    k.advance(state, par, work, topology, dt, zeta, reach, steps)
+
+
+class Batch:
+    """Runs rolls of a set of models with the same structure, step and rules.
+
+    Attributes:
+        models: what `Job.model` counts.
+    """
+
+    def __init__(self, models: Sequence[Model], threads: int | None = None):
+        """Args: threads: default all cores. Raises ModelError if the models do not fit together."""
+        if not models:
+            raise ModelError("a batch needs at least one model")
+        first = models[0]
+        for number, model in enumerate(models):
+            same = (model.topology.particles, model.dt_s, model.elements.zeta_1_s, model.prototype)
+            if same != (first.topology.particles, first.dt_s, first.elements.zeta_1_s, first.prototype):
+                raise ModelError(f"model {number} of the batch differs from model 0 in structure, step, damping or prototype")
+        self.models = tuple(models)
+        self._threads = threads or os.cpu_count() or 1
+        self._rules = rules_of(first)
+        each = [rules_of(model) for model in models]
+        self._robots = Robots(
+            np.array([model.par for model in models]),
+            np.array([rules.mass for rules in each]),
+            np.array([rules.carry_n for rules in each]),
+            np.array([rules.down for rules in each]),
+        )
+        reach = max(model.reach_m for model in models)
+        chunk = samples_of(first, SAMPLE_S)
+        self._shared = Shared(first.dt_s, first.elements.zeta_1_s, reach, chunk, first.layout.struts)
+        self._neutral = np.array([model.rest_lengths(neutral_lengths(model.prototype)) for model in models])
+        self._starts: dict[tuple[int, str], Array] = {}
+
+    def run(self, jobs: Sequence[Job], report: Callable[[int, int], None] = lambda done, total: None) -> list[RollResult]:
+        """Run every job; results in the jobs' order.
+
+        Args:
+            report: called with (jobs done, total) now and then.
+        """
+        self._settle_missing({(job.model, job.source) for job in jobs})
+        keys = sorted({(job.model, job.source) for job in jobs})
+        place = {key: number for number, key in enumerate(keys)}
+        starts = np.array([self._starts[key] for key in keys])
+        results: list[RollResult | None] = [None] * len(jobs)
+        share = max(WIDTH * 2, min(WIDTH * 16, -(-len(jobs) // self._threads)))
+        parts = [range(at, min(at + share, len(jobs))) for at in range(0, len(jobs), share)]
+        done = 0
+        with ThreadPoolExecutor(self._threads) as pool:
+            for part, outcome in zip(
+                parts, pool.map(lambda p: self._part([jobs[i] for i in p], place, starts), parts), strict=True
+            ):
+                for number, result in zip(part, outcome, strict=True):
+                    results[number] = result
+                done += len(part)
+                report(done, len(jobs))
+        return [result for result in results if result is not None]
+
+    def _part(self, jobs: list[Job], place: dict[tuple[int, str], int], starts: Array) -> list[RollResult]:
+        count, first = len(jobs), self.models[0]
+        table = np.array(
+            [
+                (job.model, place[job.model, job.source], face_number(job.source), face_number(job.target) if job.target else -1)
+                for job in jobs
+            ]
+        ).reshape(count, 4)
+        targets = np.array([self.models[job.model].rest_lengths(lengths_of(first.prototype, job.policy)) for job in jobs])
+        records, peaks, centers = np.zeros((count, w.RECORD)), np.zeros((count, 6)), np.zeros((count, 3))
+        state, par, work = self._rows()
+        _run(
+            state, par, work, first.topology, self._shared, self._rules, self._robots, starts, table, self._neutral, targets,
+            records, peaks, centers,
+        )  # fmt: skip
+        return [
+            result_of(self.models[job.model], job.source, job.policy, records[i], peaks[i], centers[i])
+            for i, job in enumerate(jobs)
+        ]
+
+    def _rows(self) -> tuple[Array, Array, Array]:
+        first = self.models[0]
+        lay = first.layout
+        return aligned_rows(lay.state_rows), aligned_rows(lay.par_rows), aligned_rows(first.topology.particles * k.WORK_ROWS)
+
+    def _settle_missing(self, keys: set[tuple[int, str]]) -> None:
+        """Settle robots that are not yet known on their faces: state and work rows, as `Robot.resting_on` leaves them."""
+        missing = sorted(keys - self._starts.keys())
+        groups = [missing[at : at + WIDTH] for at in range(0, len(missing), WIDTH)]
+        with ThreadPoolExecutor(self._threads) as pool:
+            for group, settled in zip(groups, pool.map(self._settle_group, groups), strict=True):
+                self._starts.update(zip(group, settled, strict=True))
+
+    def _settle_group(self, group: list[tuple[int, str]]) -> list[Array]:
+        robots = [Robot.placed_on(self.models[model], face) for model, face in group]
+        state, par, work = self._rows()
+        for lane in range(WIDTH):
+            robot = robots[min(lane, len(robots) - 1)]
+            state[:, lane], work[:, lane] = robot.rows()
+            par[:, lane] = robot.model.par
+        first, shared = self.models[0], self._shared
+        steps = round(SETTLE_S * first.steps_per_second)
+        _settle(state, par, work, first.topology, shared.dt, SETTLE_ZETA_1_S, shared.reach, steps)
+        out = []
+        for lane, robot in enumerate(robots):
+            robot.take_settled(state[:, lane], work[:, lane])
+            out.append(np.concatenate(robot.rows()))
+        return out
+
+
+def roll_many(models: Sequence[Model], jobs: Sequence[Job], threads: int | None = None) -> list[RollResult]:
+    """`roll` for many jobs at once; the same results, in the jobs' order."""
+    return Batch(models, threads).run(jobs)
