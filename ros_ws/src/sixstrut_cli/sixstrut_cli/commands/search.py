@@ -13,13 +13,13 @@ from sixstrut_cli.commands.options import PrototypeOption
 def command(
     output: Annotated[Path, typer.Option("--output", "-o", help="Library YAML to write.")] = Path("library.yaml"),
     seed: Annotated[int, typer.Option(help="Same seed, same library.")] = 1,
-    candidates: Annotated[int, typer.Option(min=1, help="Feasible policies to find per class before choosing.")] = 8,
-    keep: Annotated[int, typer.Option(min=1, help="Primitives to keep per class.")] = 4,
-    training: Annotated[int, typer.Option(min=1, help="Perturbed prototypes on which candidates are tried.")] = 1,
+    candidates: Annotated[int, typer.Option(min=1, help="Feasible policies to find per class before choosing.")] = 24,
+    keep: Annotated[int, typer.Option(min=1, help="Primitives to keep per class.")] = 6,
+    training: Annotated[int, typer.Option(min=1, help="Perturbed prototypes on which candidates are tried.")] = 3,
     scale: Annotated[float, typer.Option(help="Their perturbation, 0.05 for ±5 %.")] = 0.05,
     prototype: PrototypeOption = None,
 ) -> None:
-    """Find primitives of both classes by a seeded random search (some minutes). The shipped library `first` is this command's.
+    """Find primitives of both classes by a seeded random search (about a minute). The shipped library `first` is this command's.
 
     sixstrut search -o mine.yaml
     sixstrut search --seed 7 --candidates 20 --keep 10
@@ -47,7 +47,7 @@ def command(
             key = (step.roll_class, step.phase)
             if key not in tasks:
                 tasks[key] = bars.add_task("", total=step.total)
-            what = f"finding ({step.tried} policies tried)" if step.phase == "find" else "trying in 24 gaits"
+            what = f"finding ({step.tried} policies tried)" if step.phase == "find" else "trials in 24 gaits"
             bars.update(tasks[key], completed=step.done, description=f"{step.roll_class}: {what}")
 
         library = search(model, plan, report)
