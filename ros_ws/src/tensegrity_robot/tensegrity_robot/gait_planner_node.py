@@ -178,6 +178,8 @@ class GaitPlannerNode(Node):
         state = self._bridge
         if state is None or time.monotonic() - self._bridge_heard > SILENT_S:
             return "the hardware bridge is silent: start it (ros2 run tensegrity_robot hardware_bridge)"
+        if not state.port:
+            return f"the bridge has no port: {state.reason}"
         if state.state == BridgeState.FAULT:
             reset = f"ros2 service call {self.resolve_service_name('reset')} std_srvs/srv/Trigger"
             return f"the bridge is in FAULT ({state.reason}): remove the cause, then {reset}, then {self._arm_call()}"
@@ -275,7 +277,6 @@ class GaitPlannerNode(Node):
                     raise RollRefused("the bridge has not told the struts' lengths yet: try again")
                 self._do(roll.sequence.begin(view))
             except RollRefused as error:
-                self.get_logger().warning(f"roll refused: {error}")
                 self._close(Outcome(False, str(error), *_faces_of(self._view()), (), 0.0))
             outcome: Outcome = await roll.done
             return self._result(roll, outcome)

@@ -73,4 +73,6 @@ def run(make_node: Callable[[End], RunnableNode], args: list[str] | None = None)
         node.close()
     node.destroy_node()
     rclpy.try_shutdown()
+    for number in (signal.SIGINT, signal.SIGTERM):  # the interpreter's own end would make a late one deadly
+        signal.signal(number, signal.SIG_IGN)
     return code
