@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import threading
 import time
@@ -56,6 +57,15 @@ class Wire:
     def moves(self) -> list[Move]:
         """All moves so far."""
         return [move for frame in self.listen() if (move := decode_move(frame)) is not None]
+
+    def fill(self) -> None:
+        """Puts bytes on the line, as if they came from a program that knows no lock, until it takes no more."""
+        descriptor = os.open(self.port, os.O_WRONLY | os.O_NOCTTY | os.O_NONBLOCK)
+        for size in (4096, 1):
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    os.write(descriptor, bytes(size))
+        os.close(descriptor)
 
     def cut(self) -> None:
         """The link dies."""
