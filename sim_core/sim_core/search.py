@@ -39,7 +39,7 @@ class SearchPlan:
     seed: int = 1
     candidates: int = 24
     keep: int = 6
-    training: int = 3
+    training: int = 8
     scale: float = 0.05
     distance_mm: int = 10
 

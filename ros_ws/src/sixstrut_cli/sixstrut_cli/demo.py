@@ -59,7 +59,7 @@ def run(plan: Plan) -> int:
         raise Interrupted
 
     signal.signal(signal.SIGTERM, interrupt)
-    console = Console(highlight=False)
+    console = Console(highlight=False, soft_wrap=True)
     with tempfile.TemporaryDirectory(prefix="sixstrut-demo-") as folder:
         return _Demo(plan, Path(folder), console).run()
 

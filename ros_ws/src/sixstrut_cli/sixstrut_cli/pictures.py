@@ -73,13 +73,13 @@ def roll_picture(result: RollResult, trace: Sequence[Sample], path: Path, title:
     figure.savefig(path, dpi=110)
 
 
-def observed_path(session: Session) -> tuple[np.ndarray, np.ndarray]:
-    """Robot times (s, from the first sent command) and joints (n, 12, 3) as the observer saw them."""
+def observed_path(session: Session, origin_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Robot times (s, from `origin_s`) and joints (n, 12, 3) as the observer saw them."""
     sent = list(session.of("bridge/struts_sent"))
     stamps = np.array([_seconds(m.header.stamp) for m in sent])
     robot_s = np.array([m.robot_time_ns / 1e9 for m in sent])
     seen = list(session.of("bridge/observed_joints"))
-    times = np.interp([_seconds(m.header.stamp) for m in seen], stamps, robot_s) - robot_s[0] if sent and seen else np.zeros(0)
+    times = np.interp([_seconds(m.header.stamp) for m in seen], stamps, robot_s) - origin_s if sent and seen else np.zeros(0)
     joints = [[(p.position.x, p.position.y, p.position.z) for p in m.poses[:12]] for m in seen]
     return times, np.array(joints).reshape(-1, 12, 3)
 
@@ -91,7 +91,7 @@ def _seconds(stamp: Any) -> float:
 def session_picture(session: Session, replay: Replay, path: Path) -> None:
     """A session: path on the floor with faces, strut lengths over time, twin against prototype."""
     twin_t, twin = np.array(replay.times_s), np.array(replay.twin_m)
-    seen_t, joints = observed_path(session)
+    seen_t, joints = observed_path(session, replay.origin_s)
     seen = joints.mean(axis=1) if len(joints) else np.zeros((0, 3))
     figure = new_figure(13, 7)
     grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.25))
@@ -125,5 +125,5 @@ def session_picture(session: Session, replay: Replay, path: Path) -> None:
     apart.set_ylabel("twin to prototype, centres (mm)")
     apart.set_ylim(bottom=0)
     apart.grid(color="0.9")
-    figure.suptitle(f"{session.path.name}: {len(replay.faces)} faces seen, {replay.times_s[-1]:.0f} s of robot time")
+    figure.suptitle(f"{session.path.name}, {replay.times_s[-1]:.0f} s of robot time")
     figure.savefig(path, dpi=110)

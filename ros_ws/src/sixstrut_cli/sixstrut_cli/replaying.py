@@ -40,10 +40,11 @@ class Replay:
     Attributes:
         digest: sha256 of the twin's final state. step: its step count. model_hash: of the model used.
         live_states: states of the live twin in the bag that can be compared. same_states: those with the same bits.
-        faces: twin against record at every settled observation.
+        faces: twin against record at settled observations, one for every change.
         final: the twin's last face; recorded: the last face seen (None: nobody looked).
         times_s, twin_m: path of the twin's centre, (n,) and (n, 3). lengths_m: sent rest lengths, (n, 6).
         resets: observations that contradicted the twin.
+        origin_s: robot time of the first event, from which all times here count.
     """
 
     digest: str = ""
@@ -59,6 +60,7 @@ class Replay:
     twin_m: list[np.ndarray] = field(default_factory=list)
     lengths_m: list[tuple[float, ...]] = field(default_factory=list)
     resets: int = 0
+    origin_s: float = 0.0
 
 
 def model_of(session: Session) -> Model:
@@ -95,7 +97,7 @@ def replay(session: Session, model: Model | None = None, report: Callable[[int, 
     start = (before[-1].face if before else None) or _start_face(session)
     events = [event for event in events if event.seq >= first_seq]
     follower, result = Follower(model, start), Replay(model_hash=model.hash)
-    began_s = events[0].robot_time_ns / 1e9
+    result.origin_s = began_s = events[0].robot_time_ns / 1e9
     for done, event in enumerate(events, start=1):
         follower.apply(event)
         if isinstance(event, Sent):
@@ -104,7 +106,9 @@ def replay(session: Session, model: Model | None = None, report: Callable[[int, 
             result.twin_m.append(follower.robot.joints_m().mean(axis=0))
         elif event.settled:
             predicted = follower.robot.footing().face
-            result.faces.append(FaceCheck(event.robot_time_ns / 1e9 - began_s, predicted, event.face, sources[event.seq]))
+            check = FaceCheck(event.robot_time_ns / 1e9 - began_s, predicted, event.face, sources[event.seq])
+            if not result.faces or (check.predicted, check.observed) != (result.faces[-1].predicted, result.faces[-1].observed):
+                result.faces.append(check)
             result.recorded = event.face
         state = live.get(event.seq)
         if state is not None and state.first_seq == follower.first_seq and state.model_hash == model.hash:

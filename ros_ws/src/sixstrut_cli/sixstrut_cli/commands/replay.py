@@ -59,7 +59,7 @@ def command(
         for check in result.faces:
             mark = "as" if check.agrees else "but"
             typer.echo(
-                f"  {check.time_s:6.1f} s  twin on {check.predicted or 'no face'}, {mark} {check.source} saw {check.observed}"
+                f"  {check.time_s:6.1f} s  twin on {check.predicted or 'no face'}, {mark} {check.source} saw {check.observed or 'no face'}"
             )
         if result.live_states:
             verdict = "the same bits" if same_bits else f"different bits from event {result.first_difference} on"

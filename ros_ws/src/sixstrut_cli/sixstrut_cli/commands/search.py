@@ -15,11 +15,11 @@ def command(
     seed: Annotated[int, typer.Option(help="Same seed, same library.")] = 1,
     candidates: Annotated[int, typer.Option(min=1, help="Feasible policies to find per class before choosing.")] = 24,
     keep: Annotated[int, typer.Option(min=1, help="Primitives to keep per class.")] = 6,
-    training: Annotated[int, typer.Option(min=1, help="Perturbed prototypes on which candidates are tried.")] = 3,
+    training: Annotated[int, typer.Option(min=1, help="Perturbed prototypes on which candidates are tried.")] = 8,
     scale: Annotated[float, typer.Option(help="Their perturbation, 0.05 for ±5 %.")] = 0.05,
     prototype: PrototypeOption = None,
 ) -> None:
-    """Find primitives of both classes by a seeded random search (about a minute). The shipped library `first` is this command's.
+    """Find primitives of both classes by a seeded random search (some minutes). The shipped library `first` is this command's.
 
     sixstrut search -o mine.yaml
     sixstrut search --seed 7 --candidates 20 --keep 10

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
+from types import FrameType
 
 import typer
 
@@ -26,6 +28,7 @@ def command(context: typer.Context) -> None:
     With arguments, run only pytest with these: ./sixstrut test tests/unit -k codec
     """
     root = _root()
+    signal.signal(signal.SIGTERM, _on_sigterm)
     pytest = {"pytest": ["-m", "pytest", *(context.args or ["--durations=10"])]}
     steps = pytest if context.args else _CHECKS | pytest
     with tempfile.TemporaryDirectory(prefix="sixstrut-test-") as state:
@@ -58,5 +61,25 @@ def _isolated(state: str) -> dict[str, str]:
 def _run(name: str, arguments: list[str], root: Path, environ: dict[str, str]) -> tuple[int, float]:
     print(f"\n── {name}", flush=True)
     began = time.monotonic()
-    code = subprocess.call([sys.executable, *arguments], cwd=root, env=environ, stdin=subprocess.DEVNULL)
+    process = subprocess.Popen([sys.executable, *arguments], cwd=root, env=environ, stdin=subprocess.DEVNULL)
+    try:
+        code = process.wait()
+    except BaseException:
+        _end(process)
+        raise
     return code, time.monotonic() - began
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Lets pytest end the processes of its tests, which it does on SIGINT. At a terminal it got that with us."""
+    for number, patience_s in ((0, 2.0), (signal.SIGINT, 10.0), (signal.SIGKILL, None)):
+        process.send_signal(number)
+        try:
+            process.wait(patience_s)
+            return
+        except subprocess.TimeoutExpired:
+            continue
+
+
+def _on_sigterm(number: int, frame: FrameType | None) -> None:
+    sys.exit(128 + number)
