@@ -58,9 +58,8 @@ def command(
     else:
         for check in result.faces:
             mark = "as" if check.agrees else "but"
-            typer.echo(
-                f"  {check.time_s:6.1f} s  twin on {check.predicted or 'no face'}, {mark} {check.source} saw {check.observed or 'no face'}"
-            )
+            seen = f"{mark} {check.source} saw {check.observed or 'no face'}"
+            typer.echo(f"  {check.time_s:6.1f} s  twin on {check.predicted or 'no face'}, {seen}")
         if result.live_states:
             verdict = "the same bits" if same_bits else f"different bits from event {result.first_difference} on"
             typer.echo(f"  {result.same_states} of {result.live_states} recorded states of the live twin: {verdict}")
