@@ -17,7 +17,7 @@ from tooling.progress import Progress
 
 POLL_S = 0.2
 GRACE_S = 5.0
-TAIL_LINES = 15
+TAIL_LINES = 30  # colcon tells the cause well before its summary
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from collections.abc import Iterator
@@ -59,7 +60,8 @@ class Progress:
 
     def _show(self, text: str, *, last: bool) -> None:
         if self._terminal:
-            self._stream.write(f"\r\033[K      {text}" + ("\n" if last else ""))
+            width = shutil.get_terminal_size().columns - 1  # a line that wraps could not be overwritten
+            self._stream.write("\r\033[K" + f"      {text}"[:width] + ("\n" if last else ""))
             self._stream.flush()
         else:
             self._line(f"      {text}")

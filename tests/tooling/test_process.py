@@ -36,7 +36,7 @@ def test_a_failure_shows_the_last_lines_and_where_the_log_is(runner: Runner):
     text = str(error.value)
     assert "the step failed (exit code 7)" in text
     assert "line 98" in text
-    assert "line 80" not in text
+    assert "line 60" not in text
     assert str(runner.log) in text
 
 
