@@ -71,7 +71,7 @@ class Bridge:
             raise ParameterError("time_scale", time_scale, "0.01 to 100")
         board = LscCodec() if codec is None else codec
         self.port = port
-        self.rules = replace(rules, shape_check=functools.lru_cache(maxsize=8192)(rules.shape_check))
+        self.rules = replace(rules, shape_check=functools.lru_cache(maxsize=32768)(rules.shape_check))
         self._wanted_time_scale = time_scale
         self._state_dir = state_directory() if state_dir is None else state_dir
         self._link = Link(SerialTransport(port, baud), board, liveness_period_s, liveness_limit_s)
@@ -215,13 +215,14 @@ class Bridge:
         """Leaves FAULT for DISARMED. A lost link is opened again first; robot time and ``seq`` go on.
 
         Raises:
-            TransportError, TimeScaleError: The link cannot be opened; FAULT stays.
+            TransportError, TimeScaleError: The link cannot be opened, or the board does not answer any more; FAULT stays.
             StateError: The bridge is closed.
         """
         with self._opening:
             self._require_open("reset")
             if not self._link.is_up:
                 _, record = self._connect(self._engine.clock.time_scale)
+                self._link.resynchronise()
                 with self._engine.lock:
                     self._engine.use_record(record, self._handshake is not None)
             with self._engine.lock:

@@ -16,7 +16,7 @@ from typing import TypeVar
 from hardware_bridge.checks import Rules, check_frame
 from hardware_bridge.clock import RobotClock
 from hardware_bridge.codecs import Codec
-from hardware_bridge.errors import BridgeError, LinkLost
+from hardware_bridge.errors import BridgeError, LinkLost, ShapeError
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.last_pulses import LastPulses
 from hardware_bridge.link import Link
@@ -209,9 +209,14 @@ class Engine:
             self.link.write(frame)
         except LinkLost as error:
             return LinkLostEvent(str(error))
-        except BridgeError as error:
+        except Exception as error:
             self.state = replace(self.state, pulses_us=before.pulses_us)
-            return Fail(f"frame not sent, {error}")
+            if isinstance(error, ShapeError):  # between two shapes that were judged when the motion was accepted
+                return Hold(f"held before a frame: {error}")
+            if isinstance(error, BridgeError):
+                return Fail(f"frame not sent: {error}")
+            _log.exception("sending a frame")
+            return Fail(f"frame not sent, internal error: {error!r}")
         self._count.frames_sent += 1
         self._written_in_tick = True
         self._emit_sent(send.kind, send.duration_ms, frame)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import time
+
 from hardware_bridge.codecs import Codec
 from hardware_bridge.errors import LinkLost
 from hardware_bridge.transport import SerialTransport
 
 _LONGEST_FRAME_BYTES = 25
+_RESYNCHRONISE_TRIES = 26
+"""Queries that fill the longest frame of any length that a stray byte can announce (0x65 + 2 bytes)."""
+_REPLY_LIMIT_S = 0.1
 
 
 class Link:
     """Not for several threads at once; the bridge's lock sees to that.
 
-    A failed link stays down until it is opened again: after a cut frame the stream is dirty, and no board here
-    documents how to clean it.
+    A failed link stays down until it is opened again. After a cut frame the stream is dirty: see ``resynchronise``.
 
     Attributes:
         battery_mv: Last supply voltage that the board told, in [mV].
@@ -35,6 +39,8 @@ class Link:
         self._decoder = codec.reply_decoder()
         self._asked_s = -float("inf")
         self._answered_s: float | None = None
+        self._answers = False
+        self._dirty = False
         self.battery_mv: int | None = None
         self.write_errors = 0
 
@@ -52,6 +58,36 @@ class Link:
         self._answered_s = None
         self.battery_mv = None
         self._up = True
+
+    def resynchronise(self) -> None:
+        """Makes a board that may hold half a frame ready for the next one; does nothing on a clean stream.
+
+        Sends queries, which move nothing, until the board answers or the longest frame must be complete. Read as the rest
+        of a move, a query's bytes give pulses and channels that no board accepts.
+
+        Raises:
+            LinkLost: A board that used to answer does not; the link is down.
+        """
+        if not self._dirty:
+            return
+        for _ in range(_RESYNCHRONISE_TRIES):
+            self.write(self._codec.encode_liveness())
+            if self._answers and self._wait_for_reply():
+                self._dirty = False
+                return
+        if self._answers:
+            remedy = "switch the servo supply off and on, then reset"
+            self._up = False
+            raise LinkLost(self._transport.port, "does not answer after a cut frame", remedy, dirty=True)
+        self._dirty = False
+
+    def _wait_for_reply(self) -> bool:
+        deadline = time.monotonic() + _REPLY_LIMIT_S
+        while time.monotonic() < deadline:
+            if self._decoder.feed(self._transport.read_available()):
+                return True
+            time.sleep(0.005)
+        return False
 
     def close(self) -> None:
         """Closes the port."""
@@ -71,8 +107,9 @@ class Link:
         """Writes all, or takes the link down and raises :class:`LinkLost`."""
         try:
             self._transport.write_all(data)
-        except LinkLost:
+        except LinkLost as error:
             self._up = False
+            self._dirty |= error.dirty
             self.write_errors += 1
             raise
 
@@ -92,7 +129,7 @@ class Link:
             raise
         if replies:
             self.battery_mv = replies[-1]
-            self._answered_s = now_s
+            self._answered_s, self._answers = now_s, True
         if self._liveness_period_s is None:
             return
         if self._answered_s is not None and now_s - self._answered_s > self._liveness_limit_s:

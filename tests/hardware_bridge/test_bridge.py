@@ -447,14 +447,37 @@ def test_closing_in_motion_holds_and_ends(make_bridge: Make, wire: Wire) -> None
     bridge.close()
 
 
-def test_a_bug_in_the_frame_loop_latches(make_bridge: Make, wire: Wire, rules: Rules) -> None:
+def test_a_bug_while_sending_latches_and_holds_where_the_board_is(make_bridge: Make, wire: Wire, rules: Rules) -> None:
     def broken(lengths_m: tuple[float, ...]) -> str | None:
-        if abs(lengths_m[0] - 0.2345) < 2e-4:
+        if lengths_m[0] > 0.236 and threading.current_thread().name == "bridge frames":
             raise ZeroDivisionError
         return None
 
     bridge = make_bridge(wire.port, rules=replace(rules, shape_check=broken))
     bridge.open()
-    with armed(bridge) as lease, pytest.raises(ZeroDivisionError):
-        bridge.execute(one_step(), lease)
-    assert len(wire.moves()) == 7
+    with armed(bridge) as lease:
+        # Knots only at the ends, so that the verdicts remembered from the acceptance are not of the frames' own shapes.
+        handle = bridge.execute(Trajectory([0.977], [[MID_M + 0.01, *MID[1:]]]), lease)
+        bridge.rules.shape_check.cache_clear()  # type: ignore[attr-defined]
+        assert handle.wait(20.0)
+    assert bridge.snapshot().mode is Mode.FAULT
+    assert "ZeroDivisionError" in bridge.snapshot().reason
+    *_, last_move, hold = wire.moves()
+    assert hold.pulses_us == last_move.pulses_us
+    assert hold.duration_ms == 20
+
+
+def test_a_bad_shape_between_judged_ones_holds_without_a_fault(make_bridge: Make, wire: Wire, rules: Rules) -> None:
+    def gap(lengths_m: tuple[float, ...]) -> str | None:
+        framed = threading.current_thread().name == "bridge frames"
+        return "thin ice" if framed and lengths_m[0] > 0.236 else None
+
+    bridge = make_bridge(wire.port, rules=replace(rules, shape_check=gap))
+    bridge.open()
+    with armed(bridge) as lease:
+        handle = bridge.execute(Trajectory([0.977], [[MID_M + 0.01, *MID[1:]]]), lease)
+        bridge.rules.shape_check.cache_clear()  # type: ignore[attr-defined]
+        assert handle.wait(20.0)
+        assert bridge.snapshot().mode is Mode.HOLD
+        assert "thin ice" in bridge.snapshot().reason
+        assert max(move.pulses_us[0] for move in wire.moves()) <= 1520

@@ -146,7 +146,8 @@ class FrameDecoder:
     def _take(self) -> Frame | None:
         buffer = self._buffer
         while len(buffer) >= 3:
-            if buffer[:2] == HEADER and 2 <= buffer[2] <= MAX_LENGTH:
+            # No command is 0x55 long: of three such bytes the first is the stray one.
+            if buffer[:2] == HEADER and 2 <= buffer[2] <= MAX_LENGTH and buffer[2] != HEADER[0]:
                 size = buffer[2] + 2
                 if len(buffer) < size:
                     return None
