@@ -6,7 +6,7 @@ import hashlib
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +16,7 @@ import yaml
 from sim_core.errors import ParameterError
 
 SCHEMA = 1
-SOURCES = ("paper", "math", "method", "stand-in", "design", "standard", "measured")
+SOURCES = ("paper", "math", "method", "stand-in", "design", "standard", "calibrated", "measured")
 Vector = tuple[float, ...]
 
 
@@ -236,6 +236,38 @@ def _entry(file: str, name: str, row: Any) -> Entry:
     except ParameterError as error:
         raise ParameterError(f"{file}: {error}") from None
     return Entry(name, value, SPECS[name].unit, row["source"], str(row.get("note", "")))
+
+
+def with_value(prototype: Prototype, name: str, value: Any) -> Prototype:
+    """The prototype with one parameter changed, by name. Raises ParameterError."""
+    if name not in SPECS:
+        raise ParameterError(f"unknown parameter {name!r}: `sixstrut parameters` lists the valid ones")
+    return replace(prototype, **{name: value})
+
+
+def rewritten(text: str, changes: Mapping[str, tuple[Any, str, str]]) -> str:
+    """The text of a prototype YAML with some rows replaced; everything else, comments included, stays.
+
+    Args:
+        changes: parameter -> (value, source, note).
+
+    Raises:
+        ParameterError: a parameter or source that does not exist, or a value that is not valid.
+    """
+    lines = text.splitlines()
+    for name, (value, source, note) in changes.items():
+        if name not in SPECS:
+            raise ParameterError(f"unknown parameter {name!r}: `sixstrut parameters` lists the valid ones")
+        if source not in SOURCES:
+            raise ParameterError(f"unknown source {source!r}: valid are {', '.join(SOURCES)}")
+        checked = _checked(name, value)
+        shown = list(checked) if isinstance(checked, tuple) else checked
+        row = f"{name}: {{value: {json.dumps(shown)}, unit: {SPECS[name].unit}, source: {source}, note: {json.dumps(note)}}}"
+        places = [i for i, line in enumerate(lines) if line.startswith(f"{name}:")]
+        if len(places) != 1:
+            raise ParameterError(f"the file has {len(places)} rows for {name}; valid is one, on one line")
+        lines[places[0]] = row
+    return "\n".join(lines) + "\n"
 
 
 def load_prototype(path: Path | str | None = None) -> Prototype:

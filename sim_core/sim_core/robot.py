@@ -153,6 +153,14 @@ class Robot:
         rows = self._particles[:, k.Q : k.Q + 4]
         return np.concatenate([rows[: k.JOINTS], rows[-1:]])
 
+    def frames(self) -> Array:
+        """Rotation matrices of every particle, (P, 3, 3)."""
+        return matrix_of(self._particles[:, k.Q : k.Q + 4])
+
+    def push(self, velocities_m_s: Array) -> None:
+        """Add to the velocity of every particle, (P, 3)."""
+        self._particles[:, k.V : k.V + 3] += velocities_m_s
+
     def body_pose(self) -> tuple[Array, Array]:
         """Centre of the twelve joints (3,) and the rotation (3, 3) that best fits them to the ideal shape."""
         joints = self.joints_m()
@@ -193,7 +201,7 @@ class Robot:
     def cable_forces_n(self) -> Array:
         """Tension of the 24 tendons and the 24 box ropes in the present shape, (48,)."""
         e = self.model.elements
-        x, frames = self._particles[:, k.X : k.X + 3], matrix_of(self._particles[:, k.Q : k.Q + 4])
+        x, frames = self._particles[:, k.X : k.X + 3], self.frames()
         ends = [
             x[p] + np.einsum("nij,nj->ni", frames[p], points)
             for p, points in zip(e.cable_ends.T, (e.cable_point_1_m, e.cable_point_2_m), strict=True)

@@ -43,8 +43,8 @@ def stiffness(state: Array, par: Array, topology: k.Topology) -> Array:
     return np.array(columns).T
 
 
-def ground_stiffness(e: Elements, frames: Array, joints: Iterable[int]) -> Array:
-    """Stiffness of closed, sticking contacts at every contact point of the given joints, (6P, 6P).
+def ground_stiffness(e: Elements, frames: Array, points: Iterable[int]) -> Array:
+    """Stiffness of closed, sticking contacts at the given contact points, (6P, 6P).
 
     Args:
         frames: (P, 3, 3) rotation matrices.
@@ -53,13 +53,13 @@ def ground_stiffness(e: Elements, frames: Array, joints: Iterable[int]) -> Array
     total = np.zeros((6 * particles, 6 * particles))
     normal, tangential = e.ground_stiffness_n_m
     springs = np.diag([tangential, tangential, normal])
-    for joint in joints:
-        for point in e.contact_point_m[k.POINTS_PER_JOINT * joint : k.POINTS_PER_JOINT * (joint + 1)]:
-            r = frames[joint] @ point
-            lever = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
-            jacobian = np.hstack([np.eye(3), lever])
-            at = slice(6 * joint, 6 * joint + 6)
-            total[at, at] += jacobian.T @ springs @ jacobian
+    for point in points:
+        joint = point // k.POINTS_PER_JOINT
+        r = frames[joint] @ e.contact_point_m[point]
+        lever = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
+        jacobian = np.hstack([np.eye(3), lever])
+        at = slice(6 * joint, 6 * joint + 6)
+        total[at, at] += jacobian.T @ springs @ jacobian
     return total
 
 
@@ -84,7 +84,7 @@ def largest_stable_step_s(e: Elements, topology: k.Topology, par: Array, stroke_
         middle = e.position_m[chain].mean(axis=0)
         table[chain, k.X : k.X + 3] = middle + (e.position_m[chain] - middle) * shortest[strut] / e.strut_mid_m[strut]
     total: Array = stiffness(state, par, topology)
-    total += ground_stiffness(e, e.frame, range(k.JOINTS))
+    total += ground_stiffness(e, e.frame, range(k.CONTACTS))
     scale = 1.0 / np.sqrt(mass_diagonal(e))
     omega_squared = np.linalg.eigvalsh(0.5 * scale[:, None] * (total + total.T) * scale[None, :])[-1]
     return float(2.0 / np.sqrt(omega_squared))

@@ -14,11 +14,12 @@ class Entry(NamedTuple):
 
 _ALL = (
     Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "demo"),
-    Entry("roll", "Roll the robot, real or virtual, over one edge.", "roll"),
-    Entry("search", "Search for gaits and rate how robust they are.", "search"),
+    Entry("roll", "Simulate one roll and judge it.", "roll"),
+    Entry("search", "Find primitives, and rate them on perturbed prototypes.", "search"),
     Entry("replay", "Step the twin through a recorded session and compare.", "replay"),
     Entry("prototype", "Run the virtual prototype alone, behind a serial port.", "prototype"),
     Entry("parameters", "Show the parameters of robot and model, with their sources.", "parameters"),
+    Entry("calibrate-model", "Scale the ropes until the first natural frequency is the given one.", "calibrate_model"),
     Entry("test", "Run the checks and tests; with arguments, only pytest with these.", "test"),
     Entry("setup", "Only set up: .venv with all packages, and the build of ros_ws.", None),
     Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None),
