@@ -45,7 +45,8 @@ class CutTransport:
 
 
 @pytest.fixture
-def transport() -> CutTransport:
+def transport(monkeypatch: pytest.MonkeyPatch) -> CutTransport:
+    monkeypatch.setattr("hardware_bridge.link._REPLY_LIMIT_S", 0.002)
     return CutTransport()
 
 
