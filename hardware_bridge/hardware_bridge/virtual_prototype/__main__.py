@@ -18,10 +18,11 @@ from hardware_bridge.events import FACES
 from hardware_bridge.virtual_port import default_link
 from hardware_bridge.virtual_prototype.body import SimulatedBody
 from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
+from sim_core.errors import SimError
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs the prototype; the exit status: 0 after a signal, 1 if it could not start, 2 for bad arguments."""
+    """Runs the prototype; the exit status: 0 after a signal, 1 if it could not start or go on, 2 for bad arguments."""
     options = _parser().parse_args(arguments)
     ended = False
 
@@ -37,7 +38,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if ended:
             return 0
         prototype = VirtualPrototype(options.link, body, calibration, options.baud, options.time_scale)
-    except BridgeError as error:
+    except (BridgeError, SimError) as error:
         print(error, file=sys.stderr)
         return 1
     try:
@@ -46,6 +47,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             ready = f"virtual prototype ready: {options.link} ({scale}, time scale {options.time_scale:g})"
             print(ready, flush=True)
         prototype.run(lambda: ended)
+    except SimError as error:
+        print(error, file=sys.stderr)
+        return 1
     finally:
         prototype.close()
     return 0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import secrets
 import select
@@ -19,6 +20,8 @@ from hardware_bridge.virtual_prototype.body import Body
 from hardware_bridge.virtual_prototype.observer import PERIOD_S, Observer
 from hardware_bridge.virtual_prototype.pseudo_port import PseudoPort
 
+_log = logging.getLogger(__name__)
+
 SLICE_S = 0.01
 """Robot time between looks at the outputs."""
 
@@ -26,6 +29,7 @@ CHUNK_S = 0.1
 """The most robot time that the body catches up with before the port is served again."""
 
 _MOST_WAITING_BYTES = 256
+_LAG_S = 2.0
 
 
 class VirtualPrototype:
@@ -61,6 +65,7 @@ class VirtualPrototype:
             self._port.close()
             raise
         self._observe_s = 0.0
+        self._lag_told = False
 
     def run(self, ended: Callable[[], bool]) -> None:
         """Lives until ``ended`` says so; it is asked at least every 50 ms."""
@@ -82,11 +87,18 @@ class VirtualPrototype:
         if reply:
             self._port.write(reply)
         self._advance_body(min(now_s, self._body.time_s + CHUNK_S))
+        self._tell_lag(now_s - self._body.time_s)
 
     def close(self) -> None:
         """Removes everything that was put beside the link, and the link."""
         self._observer.close()
         self._port.close()
+
+    def _tell_lag(self, lag_s: float) -> None:
+        """Once for each time that the body falls behind: what is then seen of it is older than it looks."""
+        if lag_s > _LAG_S and not self._lag_told:
+            _log.warning("the body is %.1f s of robot time behind: lower the time scale, or free the computer", lag_s)
+        self._lag_told = lag_s > _LAG_S or (self._lag_told and lag_s > CHUNK_S)
 
     def _now_s(self) -> float:
         return self._clock.now_ns() * 1e-9

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from hardware_bridge.bridge import Bridge
+from hardware_bridge.calibration import load_calibration
 from hardware_bridge.codecs.lsc import encode_move
 from hardware_bridge.errors import PositionUnknown, PrototypeError, TimeScaleError
 from hardware_bridge.observation import Observation, decode_observation
@@ -19,7 +20,8 @@ from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.protocol import Mode, Outcome
 from hardware_bridge.trajectory import Trajectory
 from hardware_bridge.virtual_port import handshake_path, observer_path
-from tests.hardware_bridge.helpers import MID, MID_M, wait_for
+from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
+from tests.hardware_bridge.helpers import MID, MID_M, StillBody, wait_for
 from tests.hardware_bridge.test_bridge import armed, there_and_back
 
 Start = Callable[..., "object"]
@@ -142,3 +144,11 @@ def test_an_observers_client_comes_back_with_the_observer(start_prototype: Calla
         wait_for(lambda: connections == [True, False], "its end")
         start_prototype()
         wait_for(lambda: connections == [True, False, True], "the next one")
+
+
+def test_a_body_that_falls_behind_says_so_once_each_time(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    prototype = VirtualPrototype(tmp_path / "prototype", StillBody(), load_calibration())
+    with contextlib.closing(prototype):
+        for lag_s in (0.0, 3.0, 4.0, 1.0, 3.0, 0.0, 2.5):
+            prototype._tell_lag(lag_s)
+    assert [record.args for record in caplog.records] == [(3.0,), (2.5,)]
