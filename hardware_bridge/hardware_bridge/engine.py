@@ -194,7 +194,7 @@ class Engine:
         """One frame through the last gate to the port; what went wrong, if anything."""
         channels = self._rules.calibration.channels
         if not self.link.is_up or (send.kind in _MOVING and self._is_barred):
-            self.state = replace(self.state, pulses_us=before.pulses_us)
+            self._unsend(before)
             return None
         homing = send.kind is not Kind.MOVE
         try:
@@ -210,7 +210,7 @@ class Engine:
         except LinkLost as error:
             return LinkLostEvent(str(error))
         except Exception as error:
-            self.state = replace(self.state, pulses_us=before.pulses_us)
+            self._unsend(before)
             if isinstance(error, ShapeError):  # between two shapes that were judged when the motion was accepted
                 return Hold(f"held before a frame: {error}")
             if isinstance(error, BridgeError):
@@ -221,6 +221,10 @@ class Engine:
         self._written_in_tick = True
         self._emit_sent(send.kind, send.duration_ms, frame)
         return None
+
+    def _unsend(self, before: State) -> None:
+        """The frame that the supervisor counted as sent was not."""
+        self.state = replace(self.state, pulses_us=before.pulses_us, energised=before.energised)
 
     # ---- motions ----------------------------------------------------------------------------------------------------
 

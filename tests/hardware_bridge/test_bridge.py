@@ -211,6 +211,19 @@ def test_stop_in_motion_lets_no_further_motion_out(make_bridge: Make, wire: Wire
         assert bridge.snapshot().mode is Mode.DISARMED
 
 
+def test_stop_while_homing_holds_only_what_has_power(make_bridge: Make, wire: Wire) -> None:
+    bridge = make_bridge(wire.port)
+    bridge.open()
+    bridge.arm("test", True, MID)
+    wait_for(lambda: len(wire.moves()) >= 3, "three struts under power")
+    bridge.stop()
+    beat = bridge.snapshot().last_seq
+    wait_for(lambda: bridge.snapshot().last_seq > beat + 4, "heartbeats")
+    *energised, hold = wire.moves()
+    assert hold.channels == tuple(move.channels[0] for move in energised)
+    assert 3 <= len(hold.channels) < 6
+
+
 def test_stop_does_not_wait_for_a_shape_that_is_being_judged(make_bridge: Make, wire: Wire, rules: Rules) -> None:
     judging, release = threading.Event(), threading.Event()
 
