@@ -28,6 +28,7 @@ from hardware_bridge.errors import (
     TimeScaleError,
 )
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
+from hardware_bridge.limits import Pacing
 from hardware_bridge.protocol import Mode, Outcome
 from hardware_bridge.trajectory import Trajectory
 from tests.hardware_bridge.helpers import MID, MID_M, Wire, wait_for
@@ -211,8 +212,8 @@ def test_stop_in_motion_lets_no_further_motion_out(make_bridge: Make, wire: Wire
         assert bridge.snapshot().mode is Mode.DISARMED
 
 
-def test_stop_while_homing_holds_only_what_has_power(make_bridge: Make, wire: Wire) -> None:
-    bridge = make_bridge(wire.port)
+def test_stop_while_homing_holds_only_what_has_power(make_bridge: Make, wire: Wire, rules: Rules) -> None:
+    bridge = make_bridge(wire.port, rules=replace(rules, pacing=Pacing(energise_pause_s=0.5)))
     bridge.open()
     bridge.arm("test", True, MID)
     wait_for(lambda: len(wire.moves()) >= 3, "three struts under power")
