@@ -1,0 +1,3 @@
+from sim_core.compiled_cache import use_own_folder as _use_own_folder
+
+_use_own_folder()

@@ -16,14 +16,15 @@ import numpy as np
 from numba import njit
 
 from sim_core import kernel as k
+from sim_core import relax as q
 from sim_core import watch as w
-from sim_core.elements import Array
+from sim_core.elements import PREVIOUS, Array
 from sim_core.errors import ModelError
 from sim_core.lanes import ALIGNMENT, WIDTH
 from sim_core.model import Model
 from sim_core.policy import Policy, lengths_of, neutral_lengths
 from sim_core.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
-from sim_core.roll import RollResult, face_number, result_of, rules_of, samples_of
+from sim_core.roll import RollResult, face_number, result_of, rules_of, samples_of, tolerance_of
 from sim_core.watch import SAMPLE_S
 
 
@@ -44,6 +45,8 @@ class Shared(NamedTuple):
     reach: float
     chunk: int
     struts: int
+    static: bool
+    tolerance: float
 
 
 class Robots(NamedTuple):
@@ -63,7 +66,7 @@ def aligned_rows(rows: int) -> Array:
 
 
 @njit(nogil=True, cache=True)
-def _run(state, par, work, topology, shared, rules, robots, starts, jobs, neutral, targets, records, peaks, centers):
+def _run(state, par, work, track, topology, shared, rules, robots, starts, jobs, neutral, targets, records, peaks, centers):
     """Run jobs (model, start, source face, aim) one after the other through eight lanes."""
     job_of_lane = np.full(WIDTH, -1)
     following, running = 0, 0
@@ -78,13 +81,19 @@ def _run(state, par, work, topology, shared, rules, robots, starts, jobs, neutra
             par[:, lane] = par[:, 0]
             work[:, lane] = work[:, 0]
     while running > 0:
-        k.advance(state, par, work, topology, shared.dt, shared.zeta, shared.reach, shared.chunk)
+        if shared.static:
+            q.relax(state, par, work, track, topology, shared.dt, shared.reach, q.LOOK_STEPS)
+        else:
+            k.advance(state, par, work, topology, shared.dt, shared.zeta, shared.reach, shared.chunk)
         for lane in range(WIDTH):
             job = job_of_lane[lane]
             if job < 0:
                 continue
             own = _own(rules, robots, jobs[job, 0])
-            w.look(state[:, lane], work[:, lane], records[job], own, shared.struts)
+            if shared.static:
+                q.look(state[:, lane], work[:, lane], track[:, lane], records[job], own, shared.struts, shared.tolerance)
+            else:
+                w.look(state[:, lane], work[:, lane], records[job], own, shared.struts)
             if records[job, w.PHASE] <= w.RETURNING:
                 continue
             for s in range(6):
@@ -92,6 +101,7 @@ def _run(state, par, work, topology, shared, rules, robots, starts, jobs, neutra
             w.center_of_mass(state[:, lane], own.mass, centers[job])
             if following < jobs.shape[0]:
                 _load(state, par, work, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
+                track[:, lane] = 0.0
                 job_of_lane[lane] = following
                 following += 1
             else:
@@ -129,11 +139,18 @@ def _load(state, par, work, lane, job, shared, rules, robots, starts, jobs, neut
     w.begin(state[:, lane], work[:, lane], records[job], own, shared.struts, jobs[job, 2], jobs[job, 3], neutral[model])
     for s in range(6):
         state[shared.struts + s * k.STRUT_ROWS + k.TARGET, lane] = targets[job, s]
+    if shared.static:
+        q.step_lengths(state[:, lane], shared.struts)
 
 
 @njit(nogil=True, cache=True)
 def _settle(state, par, work, topology, dt, zeta, reach, steps):
     k.advance(state, par, work, topology, dt, zeta, reach, steps)
+
+
+def _family(model: Model) -> tuple[object, ...]:
+    """What the models of a batch must have in common."""
+    return model.kind, model.topology.particles, model.dt_s, model.elements.zeta_1_s, model.prototype
 
 
 class Batch:
@@ -149,9 +166,8 @@ class Batch:
             raise ModelError("a batch needs at least one model")
         first = models[0]
         for number, model in enumerate(models):
-            same = (model.topology.particles, model.dt_s, model.elements.zeta_1_s, model.prototype)
-            if same != (first.topology.particles, first.dt_s, first.elements.zeta_1_s, first.prototype):
-                raise ModelError(f"model {number} of the batch differs from model 0 in structure, step, damping or prototype")
+            if _family(model) != _family(first):
+                raise ModelError(f"model {number} of the batch differs from model 0 in kind, structure, step, damping or prototype")
         self.models = tuple(models)
         self._threads = threads or os.cpu_count() or 1
         self._rules = rules_of(first)
@@ -164,7 +180,9 @@ class Batch:
         )
         reach = max(model.reach_m for model in models)
         chunk = samples_of(first, SAMPLE_S)
-        self._shared = Shared(first.dt_s, first.elements.zeta_1_s, reach, chunk, first.layout.struts)
+        self._shared = Shared(
+            first.dt_s, first.elements.zeta_1_s, reach, chunk, first.layout.struts, first.kind == PREVIOUS, tolerance_of(first)
+        )
         self._neutral = np.array([model.rest_lengths(neutral_lengths(model.prototype)) for model in models])
         self._starts: dict[tuple[int, str], Array] = {}
 
@@ -204,8 +222,8 @@ class Batch:
         records, peaks, centers = np.zeros((count, w.RECORD)), np.zeros((count, 6)), np.zeros((count, 3))
         state, par, work = self._rows()
         _run(
-            state, par, work, first.topology, self._shared, self._rules, self._robots, starts, table, self._neutral, targets,
-            records, peaks, centers,
+            state, par, work, aligned_rows(q.TRACK_ROWS), first.topology, self._shared, self._rules, self._robots,
+            starts, table, self._neutral, targets, records, peaks, centers,
         )  # fmt: skip
         return [
             result_of(self.models[job.model], job.source, job.policy, records[i], peaks[i], centers[i])

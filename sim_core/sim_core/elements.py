@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_core.kernel import POINTS_PER_JOINT
 from sim_core.parameters import Prototype
 from sim_core.structure import NODES, STRUTS, TENDONS
 
 Array = NDArray[np.float64]
+
+
+IMPROVED, PREVIOUS = "improved", "previous"
+"""The paper's two models."""
+PREVIOUS_STEP_SHARE = 0.8
+"""Time step of the previous model / its limit: fixes its fictitious masses."""
+KINDS = (IMPROVED, PREVIOUS)
 
 
 @dataclass(frozen=True)
@@ -37,6 +45,7 @@ class Elements:
         gravity_m_s2: (3,) in axes whose z is the ground's normal.
         ground_stiffness_n_m, ground_damping_n_s_m: (2,) normal, tangential. friction: (2,) static, kinetic.
         zeta_1_s: mass damping. steps_per_second: 1 / time step.
+        kind: IMPROVED (dynamics) or PREVIOUS (quasi-static). mass_factor: fictitious masses / real ones, for PREVIOUS; else 1.
     """
 
     position_m: Array
@@ -64,6 +73,8 @@ class Elements:
     friction: Array
     zeta_1_s: float
     steps_per_second: int
+    kind: str = IMPROVED
+    mass_factor: float = 1.0
 
     def __post_init__(self) -> None:
         for field in fields(self):
@@ -203,4 +214,42 @@ def elements_of(prototype: Prototype) -> Elements:
         friction=np.array([prototype.friction_static, prototype.friction_kinetic]),
         zeta_1_s=prototype.zeta_1_s,
         steps_per_second=prototype.steps_per_second,
+    )
+
+
+def previous_elements_of(prototype: Prototype) -> Elements:
+    """The paper's previous model of a prototype: axial bars, joints without size, the box a point on its ropes.
+
+    Ropes and ground meet the struts' axes at the nodes (the five contact points of a joint coincide there and share its
+    stiffness), and
+    nothing resists rotation. Natural lengths follow from the same stretch of these ropes. Fictitious masses are the real
+    ones times one
+    factor, chosen so that relaxation is quick at the prototype's time step; weights are the real ones.
+    """
+    sizeless = replace(
+        prototype,
+        strut_elements=1,
+        tendon_point_radius_m=0.0,
+        box_rope_point_radius_m=0.0,
+        box_rope_reach_m=0.0,
+        contact_tip_m=0.0,
+        contact_rim_m=0.0,
+    )
+    e = elements_of(sizeless)
+    # the stiffest motion: a strut's ends against each other at the shortest length, its nodes pressed onto the ground
+    shortest = 1.0 - prototype.actuator_stroke_m / prototype.strut_length_m
+    ground = max(prototype.contact_stiffness_n_m, prototype.contact_tangential_stiffness_n_m)
+    ropes = 4 * prototype.tendon_stiffness_n_m + 2 * prototype.box_rope_stiffness_n_m
+    stiffest = 2.0 * prototype.strut_axial_stiffness_n_m / shortest + ground + 2.0 * ropes
+    mass = stiffest * (1.0 / prototype.steps_per_second) ** 2 / (2.0 * PREVIOUS_STEP_SHARE) ** 2
+    factor = mass / float(e.mass_kg[:-1].min())
+    return replace(
+        e,
+        beam_ei_n_m2=np.zeros(len(e.beam_ei_n_m2)),
+        beam_gj_n_m2=np.zeros(len(e.beam_gj_n_m2)),
+        ground_stiffness_n_m=e.ground_stiffness_n_m / POINTS_PER_JOINT,
+        ground_damping_n_s_m=e.ground_damping_n_s_m * np.sqrt(factor) / POINTS_PER_JOINT,
+        zeta_1_s=0.0,
+        kind=PREVIOUS,
+        mass_factor=factor,
     )

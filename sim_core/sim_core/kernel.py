@@ -323,7 +323,7 @@ def forces(state, par, work, topology, dt, reach):
 
 
 @njit(cache=True)
-def _integrate(state, par, work, particles, dt, zeta):
+def integrate(state, par, work, particles, dt, zeta):
     """Half-step velocities and spins from the forces, then positions and orientations (central difference, leapfrog form)."""
     gain = 1.0 / (1.0 + 0.5 * zeta * dt)
     keep = (1.0 - 0.5 * zeta * dt) * gain
@@ -368,4 +368,4 @@ def advance(state, par, work, topology, dt, zeta, reach, steps):
     for _ in range(steps):
         _drive(state, par, lay.struts, lay.par_struts)
         forces(state, par, work, topology, dt, reach)
-        _integrate(state, par, work, topology.particles, dt, zeta)
+        integrate(state, par, work, topology.particles, dt, zeta)

@@ -8,7 +8,7 @@ from functools import cached_property
 import numpy as np
 
 from sim_core import kernel as k
-from sim_core.elements import Array, Elements, elements_of
+from sim_core.elements import IMPROVED, KINDS, Array, Elements, elements_of, previous_elements_of
 from sim_core.errors import ModelError, UnstableStepError
 from sim_core.parameters import Prototype
 from sim_core.stability import largest_stable_step_s
@@ -47,6 +47,11 @@ class Model:
         """Whole weight's component onto the ground."""
         return float(-self.elements.mass_kg.sum() * self.elements.gravity_m_s2[2])
 
+    @property
+    def kind(self) -> str:
+        """IMPROVED or PREVIOUS."""
+        return self.elements.kind
+
     @cached_property
     def hash(self) -> str:
         return self.elements.hash
@@ -62,14 +67,17 @@ class Model:
         return self.elements.strut_mid_m + self.elements.strut_gain * (commanded - nominal)
 
 
-def build_model(prototype: Prototype, elements: Elements | None = None) -> Model:
-    """Check the elements (default: those of the prototype) and make the model.
+def build_model(prototype: Prototype, elements: Elements | None = None, kind: str = IMPROVED) -> Model:
+    """Check the elements (default: those of the prototype, for the paper's improved or previous model) and make the model.
 
     Raises:
         ModelError: a mass, stiffness or point that is not finite or not positive, a cable to a missing particle.
         UnstableStepError: the time step is beyond the model's limit; names both.
     """
-    elements = elements_of(prototype) if elements is None else elements
+    if kind not in KINDS:
+        raise ModelError(f"unknown model {kind!r}: valid are {', '.join(KINDS)}")
+    if elements is None:
+        elements = elements_of(prototype) if kind == IMPROVED else previous_elements_of(prototype)
     _check(elements)
     topology = k.Topology(
         np.ascontiguousarray(np.column_stack([elements.beam_ends, elements.beam_strut]).astype(np.int32)),
@@ -86,14 +94,12 @@ def build_model(prototype: Prototype, elements: Elements | None = None) -> Model
 
 def _check(elements: Elements) -> None:
     for name, value in vars(elements).items():
-        if not np.all(np.isfinite(value)):
+        if name != "kind" and not np.all(np.isfinite(value)):
             raise ModelError(f"{name} holds a value that is not finite: {np.asarray(value).ravel()[:6]}...")
     for name in (
         "mass_kg",
         "inertia_kg_m2",
         "beam_ea_n",
-        "beam_ei_n_m2",
-        "beam_gj_n_m2",
         "beam_share",
         "cable_stiffness_n_m",
         "cable_rest_m",
@@ -106,9 +112,9 @@ def _check(elements: Elements) -> None:
         if (values <= 0).any():
             index = tuple(int(i) for i in np.argwhere(values <= 0)[0])
             raise ModelError(f"{name}{list(index)} = {values[index]:g}: valid is a positive number")
-    for name in ("ground_damping_n_s_m", "friction"):
+    for name in ("ground_damping_n_s_m", "friction", "beam_ei_n_m2", "beam_gj_n_m2"):
         if (np.asarray(getattr(elements, name)) < 0).any():
-            raise ModelError(f"{name} = {getattr(elements, name)}: valid is zero or more")
+            raise ModelError(f"{name} = {np.asarray(getattr(elements, name)).min():g} somewhere: valid is zero or more")
     particles = len(elements.mass_kg)
     for name in ("cable_ends", "beam_ends"):
         table = np.asarray(getattr(elements, name))
@@ -121,7 +127,7 @@ def _check(elements: Elements) -> None:
 def _rows(e: Elements) -> Array:
     """The kernel's `par`."""
     particles = np.empty((len(e.mass_kg), k.PARTICLE_PAR))
-    particles[:, k.DT_M] = 1.0 / (e.steps_per_second * e.mass_kg)
+    particles[:, k.DT_M] = 1.0 / (e.steps_per_second * e.mass_factor * e.mass_kg)
     particles[:, k.INV_I : k.INV_I + 3] = 1.0 / e.inertia_kg_m2
     particles[:, k.WEIGHT : k.WEIGHT + 3] = e.mass_kg[:, None] * e.gravity_m_s2
     beams = np.column_stack([e.beam_ea_n, e.beam_ei_n_m2, e.beam_gj_n_m2, e.beam_share])

@@ -7,6 +7,7 @@ import hashlib
 import numpy as np
 
 from sim_core import kernel as k
+from sim_core import relax as q
 from sim_core import watch as w
 from sim_core.elements import Array
 from sim_core.errors import DivergedError
@@ -229,6 +230,18 @@ class Robot:
     def look(self, record: Array, rules: w.Rules) -> None:
         """One sample of a roll; see `watch.look`. May send the struts back to neutral."""
         w.look(self._state, self._work, record, rules, self.model.layout.struts)
+
+    def begin_relaxing(self) -> Array:
+        """Take the first step of the struts' lengths towards their targets; the track that `relax` needs. See `relax`."""
+        q.step_lengths(self._state, self.model.layout.struts)
+        return np.zeros(q.TRACK_ROWS)
+
+    def relax(self, track: Array, record: Array, rules: w.Rules, tolerance: float) -> None:
+        """One look's worth of relaxation, and the look; see `relax.look`."""
+        m = self.model
+        q.relax(self._state, m.par, self._work, track, m.topology, m.dt_s, m.reach_m, q.LOOK_STEPS)
+        self.step += q.LOOK_STEPS
+        q.look(self._state, self._work, track, record, rules, m.layout.struts, tolerance)
 
     def is_slow(self) -> bool:
         """Every joint is slower than the rest speed now."""

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_core import watch as w
-from sim_core.elements import Array
+from sim_core.elements import PREVIOUS, Array
 from sim_core.footing import FACE_NAMES, Footing, footing_of
 from sim_core.model import Model
 from sim_core.policy import Policy, checked_policy, lengths_of
+from sim_core.relax import RESIDUAL
 from sim_core.robot import Robot
-from sim_core.structure import require_adjacent
+from sim_core.structure import TENDON_LENGTH, require_adjacent
 from sim_core.watch import SAMPLE_S
 
 
@@ -31,7 +32,7 @@ class RollResult:
         actuated, returned: footing at rest after actuation and after the return (returned: None if not reached).
         peak_force_n: largest strut force along the path. clearance_m: smallest gap between surfaces along the path.
         margin_m: smaller of the two margins of the centre of mass inside the base triangle at rest.
-        duration_s: simulated time. travel_m: (x, y) displacement of the centre of mass.
+        duration_s: simulated time; of a quasi-static roll, the actuators' own. travel_m: (x, y) displacement of the centre of mass.
     """
 
     source: str
@@ -106,9 +107,13 @@ def follow_policy(robot: Robot, source: str, target: str | None, policy: Policy,
     record = np.zeros(w.RECORD)
     robot.begin_watch(record, rules, face_number(source), -1 if target is None else face_number(target))
     robot.set_targets(lengths_of(model.prototype, policy))
+    track = robot.begin_relaxing() if model.kind == PREVIOUS else None
     while record[w.PHASE] in (w.ACTUATING, w.RETURNING):
-        robot.advance(chunk)
-        robot.look(record, rules)
+        if track is not None:
+            robot.relax(track, record, rules, tolerance_of(model))
+        else:
+            robot.advance(chunk)
+            robot.look(record, rules)
         if trace is not None:
             trace.append(sample(robot))
     return result_of(model, source, policy, record, robot.peak_forces_n(), robot.center_of_mass_m())
@@ -131,6 +136,14 @@ def rules_of(model: Model) -> w.Rules:
     )
 
 
+def tolerance_of(model: Model) -> float:
+    """Square of the largest net force (N²) at which a relaxation is over."""
+    p = model.prototype
+    ideal_m = TENDON_LENGTH * p.strut_length_m
+    pretension = p.tendon_stiffness_n_m * ideal_m * (1.0 - 1.0 / p.tendon_stretch)
+    return float((RESIDUAL * pretension) ** 2)
+
+
 def samples_of(model: Model, seconds: float) -> int:
     """Steps that last `seconds`, at least one."""
     return max(1, round(seconds * model.steps_per_second))
@@ -148,13 +161,16 @@ def result_of(
     rule, phase, aim = model.prototype, int(record[w.PHASE]), int(record[w.AIM])
     actuated, returned = (_footing(record, place) for place in (w.ACTUATED, w.RETURNED))
     went_back = phase == w.TIMED_OUT_RETURNING or (phase == w.DONE and returned.joints != ())
-    peak, clearance = float(peak_forces_n.max()), float(record[w.CLEARANCE])
+    static = model.kind == PREVIOUS
+    peak = float(record[w.REST_FORCE] if static else peak_forces_n.max())
+    clearance = float(record[w.CLEARANCE])
     allowed = rule.force_fraction * rule.actuator_stall_n
     wanted = FACE_NAMES[aim] if aim >= 0 else (actuated.face or "")
     if phase == w.DIVERGED:
         reason = "the simulation diverged"
     elif phase in (w.TIMED_OUT_ACTUATING, w.TIMED_OUT_RETURNING):
-        reason = f"not settled within {rule.rest_timeout_s:g} s after {'the return' if went_back else 'actuation'}"
+        limit = "its relaxation" if static else f"{rule.rest_timeout_s:g} s"
+        reason = f"not settled within {limit} after {'the return' if went_back else 'actuation'}"
     elif actuated.face is None or actuated.face != wanted or wanted == source:
         reason = f"after actuation it {_stands(actuated)}"
     elif returned.face != wanted:
@@ -180,9 +196,14 @@ def result_of(
         peak,
         clearance,
         min(margins),
-        float(record[w.SAMPLES]) * samples_of(model, SAMPLE_S) * model.dt_s,
+        _actuation_s(model, policy, went_back) if static else float(record[w.SAMPLES]) * samples_of(model, SAMPLE_S) * model.dt_s,
         (float(travel[0]), float(travel[1])),
     )
+
+
+def _actuation_s(model: Model, policy: Policy, went_back: bool) -> float:
+    """Time that the actuators need; all there is of time in a quasi-static roll."""
+    return (1 + went_back) * 1e-3 * max(map(abs, policy)) / model.prototype.actuator_speed_m_s
 
 
 def _footing(record: Array, place: int) -> Footing:

@@ -66,7 +66,8 @@ def ground_stiffness(e: Elements, frames: Array, points: Iterable[int]) -> Array
 def mass_diagonal(e: Elements) -> Array:
     """Masses and inertias per degree of freedom, (6P,); the smallest inertia of a particle stands for all its axes."""
     smallest = np.repeat(e.inertia_kg_m2.min(axis=1)[:, None], 3, axis=1)
-    return np.concatenate([np.repeat(e.mass_kg[:, None], 3, axis=1), smallest], axis=1).ravel()
+    mass = e.mass_factor * e.mass_kg
+    return np.concatenate([np.repeat(mass[:, None], 3, axis=1), smallest], axis=1).ravel()
 
 
 def largest_stable_step_s(e: Elements, topology: k.Topology, par: Array, stroke_m: float) -> float:

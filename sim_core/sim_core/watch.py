@@ -26,7 +26,9 @@ ACTUATED, RETURNED = 7, 10
 # Raw neutral lengths of the struts. Starting centre of mass. Faces stood on: how many, then their numbers.
 NEUTRAL, START, FACES_SEEN, FACE_LIST = 13, 19, 22, 23
 MOST_FACES = 24
-RECORD = FACE_LIST + MOST_FACES
+# Largest strut force at the rests of a quasi-static roll.
+REST_FORCE = FACE_LIST + MOST_FACES
+RECORD = REST_FORCE + 1
 
 # Phases.
 ACTUATING, RETURNING, DONE, TIMED_OUT_ACTUATING, TIMED_OUT_RETURNING, DIVERGED = 0, 1, 2, 3, 4, 5
@@ -78,11 +80,11 @@ def begin(state, work, record, rules, struts, source, aim, neutral):
     center = np.empty(3)
     center_of_mass(state, rules.mass, center)
     record[START : START + 3] = center
-    _see(state, work, record, rules)
+    see(state, work, record, rules)
 
 
 @njit(cache=True)
-def _see(state, work, record, rules):
+def see(state, work, record, rules):
     """Clearance and footing now, into the record; returns (bits, face, margin)."""
     joints, forces = np.empty((12, 3)), np.empty(12)
     for joint in range(12):
@@ -116,7 +118,7 @@ def look(state, work, record, rules, struts):
     if not finite:
         record[PHASE] = DIVERGED
         return
-    bits, face, margin = _see(state, work, record, rules)
+    bits, face, margin = see(state, work, record, rules)
     driving = False
     for s in range(6):
         row = struts + s * k.STRUT_ROWS
@@ -129,6 +131,12 @@ def look(state, work, record, rules, struts):
     at_rest = record[QUIET] >= rules.hold_samples
     if not at_rest and record[WAITED] < rules.timeout_samples:
         return
+    end_of_phase(state, record, struts, bits, face, margin, at_rest)
+
+
+@njit(cache=True)
+def end_of_phase(state, record, struts, bits, face, margin, at_rest):
+    """The robot has come to rest, or has not in time: keep its footing; go on to the return, or end."""
     returning = record[PHASE] == RETURNING
     place = RETURNED if returning else ACTUATED
     record[place], record[place + 1], record[place + 2] = bits, face, margin

@@ -44,5 +44,7 @@ def test_frequencies_scale_with_the_root_of_mass(model):
     heavy = build_model(
         model.prototype, replace(e, mass_kg=4 * e.mass_kg, inertia_kg_m2=4 * e.inertia_kg_m2, gravity_m_s2=e.gravity_m_s2 / 4)
     )
-    assert first_frequency_hz(heavy) == pytest.approx(first_frequency_hz(model) / 2, rel=5e-3)  # its friction settles a little differently
+    assert first_frequency_hz(heavy) == pytest.approx(
+        first_frequency_hz(model) / 2, rel=5e-3
+    )  # its friction settles a little differently
     assert np.isfinite(heavy.weight_n)

@@ -24,7 +24,8 @@ def test_every_number_has_unit_source_and_range():
 def test_values_that_the_paper_gives_are_tagged_so_and_guesses_are_not():
     source = {entry.name: entry.source for entry in load_entries()}
     assert source["box_mass_kg"] == source["first_frequency_hz"] == source["mass_damping_ratio"] == "paper"
-    assert source["tendon_stiffness_n_m"] == source["friction_static"] == "stand-in"
+    assert source["strut_bending_stiffness_n_m2"] == source["friction_static"] == "stand-in"
+    assert source["tendon_stiffness_n_m"] == source["box_rope_stiffness_n_m"] == "calibrated"
 
 
 def test_mass_damping_follows_from_ratio_and_frequency():

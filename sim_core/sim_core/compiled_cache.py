@@ -1,0 +1,37 @@
+"""Where compiled kernels are kept between processes.
+
+numba looks only at the file of the cached function itself: after a change of a function that it calls in another file it
+would go on using the
+old code. So the folder's name holds a hash of every source of this package. It lies beside the sources if that is writable,
+else in the user's cache.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import Any
+
+import numba
+
+
+def use_own_folder() -> Path:
+    """Point numba at the folder for exactly these sources; must run before anything is compiled. A folder given by the user
+    (NUMBA_CACHE_DIR) is the parent then."""
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for source in sorted(package.glob("*.py")):
+        digest.update(source.name.encode())
+        digest.update(source.read_bytes())
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given:
+        parent = Path(given)
+    elif os.access(package, os.W_OK):
+        parent = package / "__pycache__"
+    else:
+        parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sixstrut"
+    folder = parent / f"kernels-{digest.hexdigest()[:16]}"
+    config: Any = numba.config
+    config.CACHE_DIR = str(folder)
+    return folder

@@ -1,0 +1,24 @@
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import sim_core
+
+
+def folder_of(package_parent):
+    code = "import numba, sim_core; print(numba.config.CACHE_DIR)"
+    run = subprocess.run(
+        [sys.executable, "-c", code], env={"PYTHONPATH": str(package_parent)}, capture_output=True, text=True, check=True
+    )
+    return run.stdout.strip()
+
+
+def test_a_change_in_any_source_gives_compiled_code_a_new_home(tmp_path):
+    """A kernel cached in one file must not outlive a change of a function that it calls in another."""
+    copy = tmp_path / "sim_core"
+    shutil.copytree(Path(sim_core.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    before = folder_of(tmp_path)
+    assert folder_of(tmp_path) == before
+    (copy / "lanes.py").write_text((copy / "lanes.py").read_text() + "\n# changed\n")
+    assert folder_of(tmp_path) != before
