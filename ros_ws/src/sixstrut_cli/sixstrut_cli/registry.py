@@ -16,6 +16,7 @@ _ALL = (
     Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "demo"),
     Entry("roll", "Simulate one roll and judge it.", "roll"),
     Entry("search", "Find primitives, and rate them on perturbed prototypes.", "search"),
+    Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "recheck"),
     Entry("replay", "Step the twin through a recorded session and compare.", "replay"),
     Entry("prototype", "Run the virtual prototype alone, behind a serial port.", "prototype"),
     Entry("parameters", "Show the parameters of robot and model, with their sources.", "parameters"),

@@ -1,0 +1,48 @@
+"""What gaits a bag's robot tried, and how they ended, from what was asked and what was seen."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from hardware_bridge.bag_reader import Session
+
+
+class Outcome(NamedTuple):
+    """One try: the face before, the policy in mm, the faces seen at rest after actuation and after the return."""
+
+    source: str | None
+    policy: tuple[int, ...]
+    actuated: str | None
+    returned: str | None
+
+    def succeeded(self, target: str) -> bool:
+        """Whether the robot was seen on the target after actuation and after the return."""
+        return self.actuated == self.returned == target
+
+
+def outcomes_of(session: Session, mid_stroke_m: float) -> list[Outcome]:
+    """Every try of a bag, in order. A try is an accepted goal away from mid stroke; the next goal ends its actuation."""
+    moves: list[tuple[float, tuple[int, ...]]] = []
+    for message in session.of("bridge/asked"):
+        lengths = dict(zip(message.joint_names, message.points[-1].positions, strict=True))
+        policy = tuple(round(1e3 * (lengths[f"S{s}"] - mid_stroke_m)) for s in range(1, 7))
+        moves.append((_seconds(message.header.stamp), policy))
+    seen = [(_seconds(m.header.stamp), m.face or None) for m in session.of("bridge/face") if m.settled]
+    moves.sort()
+
+    def last_before(time_s: float, since_s: float = float("-inf")) -> str | None:
+        faces = [face for at, face in seen if since_s < at <= time_s]
+        return faces[-1] if faces else None
+
+    tries = []
+    for number, (began, policy) in enumerate(moves):
+        if not any(policy):
+            continue
+        returned = moves[number + 1][0] if number + 1 < len(moves) else float("inf")
+        ended = moves[number + 2][0] if number + 2 < len(moves) else float("inf")
+        tries.append(Outcome(last_before(began), policy, last_before(returned, began), last_before(ended, returned)))
+    return tries
+
+
+def _seconds(stamp: object) -> float:
+    return stamp.sec + 1e-9 * stamp.nanosec  # type: ignore[attr-defined]
