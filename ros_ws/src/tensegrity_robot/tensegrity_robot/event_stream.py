@@ -21,8 +21,8 @@ class Begin:
 class EventStream:
     """Puts what arrives into the order in which it happened.
 
-    A stream is not given out before a face or `begin` came: the face on which the robot stood belongs before the first event,
-    but often arrives after it.
+    A stream is not given out before `begin`, or a face from after its first write: the faces on which the robot stood before
+    belong before it, but often arrive later. Stamps (ns, of the bridge's wall clock) tell an old bridge's events from a new one's.
     """
 
     def __init__(self, patience: int = 200):
@@ -31,7 +31,8 @@ class EventStream:
         self._order: Order | None = None
         self._lost_before = 0
         self._first_seq = 0
-        self._last_sent_seq = 0
+        self._last_sent = (0, 0, 0)
+        self._renewed = False
         self._last_face_seq = 0
         self._waiting: list[Sent] = []
         self._waiting_faces: list[Observed] = []
@@ -43,26 +44,36 @@ class EventStream:
 
     @property
     def waiting(self) -> bool:
-        """Writes have come that only `begin`, or a face, will let out."""
+        """Writes have come that only `begin`, or a new face, will let out."""
         return bool(self._waiting)
 
-    def sent(self, event: Sent) -> list[Event | Begin]:
+    def renew(self) -> None:
+        """Another bridge was found: its first write begins a new stream, whatever its number."""
+        self._renewed = True
+
+    def sent(self, event: Sent, stamp_ns: int) -> list[Event | Begin]:
         """A write or a heartbeat; returns what is now due."""
-        began_again = event.seq <= self._last_sent_seq
-        self._last_sent_seq = event.seq
+        seq, robot_time_ns, _ = self._last_sent
+        began_again = self._renewed or event.seq <= seq or event.robot_time_ns < robot_time_ns
+        self._renewed = False
+        self._last_sent = (event.seq, event.robot_time_ns, stamp_ns)
         if began_again:
             self._waiting.clear()
             self._lost_before, self._order = self.lost, None
         if self._order is not None:
             return list(self._order.add(event))
         self._waiting.append(event)
-        return self.begin() if self._waiting_faces else []
+        return self.begin() if any(face.seq > self._waiting[0].seq for face in self._waiting_faces) else []
 
-    def observed(self, event: Observed) -> list[Event | Begin]:
+    def observed(self, event: Observed, stamp_ns: int) -> list[Event | Begin]:
         """A face observation; returns what is now due."""
-        if self._order is None or event.seq <= self._last_face_seq:  # before the first write, or of a bridge that began again
+        seq, _, sent_stamp_ns = self._last_sent
+        of_new_bridge = (self._renewed or event.seq <= seq) and stamp_ns > sent_stamp_ns
+        if self._order is None or of_new_bridge:
             self._waiting_faces.append(event)
-            return self.begin() if self._waiting else []
+            return self.begin() if self._waiting and event.seq > self._waiting[0].seq else []
+        if event.seq <= self._last_face_seq:
+            return []
         self._last_face_seq = event.seq
         if event.seq < self._first_seq:  # very late: begin again from there
             return [Begin(event.face)] if event.face else []

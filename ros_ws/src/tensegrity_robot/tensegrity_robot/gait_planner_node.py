@@ -40,6 +40,7 @@ SILENT_S = 3.0
 """A bridge that publishes no state for this long is gone; it does at 2 Hz."""
 CALL_TIMEOUT_S = 3.0
 """Longest wait for an answer of the bridge."""
+CALL_POLL_S = 0.05
 
 
 @dataclass(frozen=True)
@@ -63,10 +64,12 @@ class _Running:
     def __init__(self, goal: ServerGoalHandle, sequence: RollSequence):
         self.goal = goal
         self.sequence = sequence
+        self.begun = False
         self.gait: Gait | None = None
         self.done: Future = Future()
         self.motion: Any = None
-        self.motion_asked = False
+        self.motion_asked: float | None = None
+        """When the bridge was asked for the motion that is under way."""
         self.motion_began_ns = 0
         self.motion_s = 0.0
         self.cancelled_at: float | None = None
@@ -174,7 +177,7 @@ class GaitPlannerNode(Node):
         )
 
     def _trouble(self) -> str:
-        """Why the struts may not be moved now; nothing if they may."""
+        """Why the struts may not be moved; nothing if they may, or may soon."""
         state = self._bridge
         if state is None or time.monotonic() - self._bridge_heard > SILENT_S:
             return "the hardware bridge is silent: start it (ros2 run tensegrity_robot hardware_bridge)"
@@ -188,9 +191,11 @@ class GaitPlannerNode(Node):
                 return f"{state.lease_holder} holds the bridge's lease: it must be given back first (disarm)"
             because = f" ({state.reason})" if state.reason else ""
             return f"the robot is not armed{because}: {self._arm_call()}"
-        if state.state in (BridgeState.DISARMED, BridgeState.HOMING):
-            return "the struts are homing: wait for ARMED in bridge/state"
         return ""
+
+    def _homing(self) -> bool:
+        """Homing goes on, or is about to: `arm` may answer before the bridge's state says so."""
+        return self._bridge is None or self._bridge.state in (BridgeState.DISARMED, BridgeState.HOMING)
 
     def _arm_call(self) -> str:
         return f'ros2 service call {self.resolve_service_name("arm")} tensegrity_interfaces/srv/Arm "{{lifted_and_clear: true}}"'
@@ -227,18 +232,28 @@ class GaitPlannerNode(Node):
         return answer
 
     async def _call(self, client: Any, request: Any) -> Any:
-        """The answer of a service, or None after `CALL_TIMEOUT_S`."""
-        if not client.service_is_ready():
-            return None
-        future = client.call_async(request)
+        """The answer of a service, or None after `CALL_TIMEOUT_S`; a service not discovered yet is waited for as long."""
         answered: Future = Future()
-        timer = self.create_timer(CALL_TIMEOUT_S, lambda: answered.done() or answered.set_result(None), clock=self._steady)
-        future.add_done_callback(lambda done: answered.done() or answered.set_result(done.result()))
+        until = time.monotonic() + CALL_TIMEOUT_S
+        asked: list[Future] = []
+
+        def attend() -> None:
+            if answered.done():
+                return
+            if time.monotonic() > until:
+                answered.set_result(None)
+            elif not asked and client.service_is_ready():
+                asked.append(client.call_async(request))
+                asked[0].add_done_callback(lambda done: answered.done() or answered.set_result(done.result()))
+
+        attend()
+        timer = self.create_timer(CALL_POLL_S, attend, clock=self._steady)
         try:
             return await answered
         finally:
             self.destroy_timer(timer)
-            client.remove_pending_request(future)
+            for future in asked:
+                client.remove_pending_request(future)
 
     def _prove_life(self) -> None:
         if self._lease:
@@ -268,16 +283,7 @@ class GaitPlannerNode(Node):
         request = goal.request
         self._roll = roll = _Running(goal, RollSequence(self._rules, lambda face: self._plan(request, face)))
         try:
-            try:
-                trouble = self._trouble()
-                view = self._view()
-                if trouble:
-                    raise RollRefused(trouble)
-                if not view.lengths_m:
-                    raise RollRefused("the bridge has not told the struts' lengths yet: try again")
-                self._do(roll.sequence.begin(view))
-            except RollRefused as error:
-                self._close(Outcome(False, str(error), *_faces_of(self._view()), (), 0.0))
+            self._look()
             outcome: Outcome = await roll.done
             return self._result(roll, outcome)
         finally:
@@ -337,7 +343,7 @@ class GaitPlannerNode(Node):
         known = view.observed if view.observer else view.predicted
         roll.goal.publish_feedback(
             Roll.Feedback(
-                phase=str(roll.sequence.phase),
+                phase=str(roll.sequence.phase) if roll.begun else "homing",
                 face=(known.face or "") if known is not None else "",
                 progress=self._progress(roll, view),
                 length_m=view.lengths_m,
@@ -360,9 +366,13 @@ class GaitPlannerNode(Node):
         trouble = self._trouble()
         if trouble:
             self._end_with(roll, trouble)
+        elif not roll.begun:
+            self._begin(roll)
         elif roll.cancelled_at is not None:
-            if not roll.motion_asked or time.monotonic() - roll.cancelled_at > CALL_TIMEOUT_S:
+            if roll.motion_asked is None or time.monotonic() - roll.cancelled_at > CALL_TIMEOUT_S:
                 self._end_with(roll, "cancelled; the struts hold where they are")
+        elif roll.motion is None and roll.motion_asked is not None and time.monotonic() - roll.motion_asked > CALL_TIMEOUT_S:
+            self._end_with(roll, "the bridge does not answer (action execute_struts)")
         else:
             try:
                 step = roll.sequence.look(self._view())
@@ -373,6 +383,18 @@ class GaitPlannerNode(Node):
                 self._close(step)
             elif step is not None:
                 self._do(step)
+
+    def _begin(self, roll: _Running) -> None:
+        """The first motion, as soon as homing is over and the struts' lengths are known."""
+        view = self._view()
+        if roll.cancelled_at is not None:
+            self._end_with(roll, "cancelled before it began")
+        elif not self._homing() and view.lengths_m:
+            roll.begun = True
+            try:
+                self._do(roll.sequence.begin(view))
+            except RollRefused as error:
+                self._end_with(roll, str(error))
 
     def _end_with(self, roll: _Running, reason: str) -> None:
         if roll.motion is not None:
@@ -393,7 +415,8 @@ class GaitPlannerNode(Node):
         if not knots:
             roll.sequence.moved(view)
             return
-        roll.motion_asked, roll.motion_began_ns, roll.motion_s = True, view.robot_time_ns, knots[-1].time_s
+        roll.motion_asked = time.monotonic()
+        roll.motion_began_ns, roll.motion_s = view.robot_time_ns, knots[-1].time_s
         goal = ExecuteStruts.Goal(
             trajectory=self._trajectory(knots),
             lease=self._lease,
@@ -418,7 +441,7 @@ class GaitPlannerNode(Node):
         )
 
     def _motion_over(self, roll: _Running, success: bool, reason: str) -> None:
-        roll.motion, roll.motion_asked = None, False
+        roll.motion = roll.motion_asked = None
         if roll.done.done():
             return
         if roll.cancelled_at is not None:
@@ -432,12 +455,6 @@ class GaitPlannerNode(Node):
 
 def _why(state: BridgeState) -> str:
     return f"the bridge is {state.state}" + (f", {state.reason}" if state.reason else "")
-
-
-def _faces_of(view: View) -> tuple[str, str]:
-    predicted = view.predicted.face if view.predicted else None
-    observed = view.observed.face if view.observed else None
-    return predicted or "", observed or ""
 
 
 def _lengths(values: Any) -> Lengths:

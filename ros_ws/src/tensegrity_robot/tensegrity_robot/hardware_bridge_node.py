@@ -24,7 +24,7 @@ from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from rclpy.serialization import serialize_message
+from rclpy.serialization import deserialize_message
 from rclpy.task import Future
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -49,11 +49,12 @@ from tensegrity_interfaces.action import ExecuteStruts
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, StrutsSent, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, SetFace
 from tensegrity_robot import bridge_messages, messages, qos
+from tensegrity_robot.cdr import wire_bytes
 from tensegrity_robot.errors import StartError
-from tensegrity_robot.observation_filter import ObservationFilter
+from tensegrity_robot.filters import EventTimes, ObservationFilter
 from tensegrity_robot.parameters import declare_parameters, parameter
 from tensegrity_robot.process import End, run
-from tensegrity_robot.session_log import SessionLog, bag_folder
+from tensegrity_robot.session_log import SessionLog, bag_folder, mend_journals
 
 FEEDBACK_PERIOD_S = 0.1
 STATE_PERIOD_S = 0.5
@@ -96,11 +97,11 @@ class HardwareBridgeNode(LifecycleNode):
         self._end = end
         self._settings = p = declare_parameters(self, BridgeParameters)
         self._bridge: Bridge | None = None
-        self._rules: Rules | None = None
         self._log: SessionLog | None = None
         self._observer: ObserverClient | None = None
         self._observer_there: bool | None = None
         self._news = ObservationFilter()
+        self._times = EventTimes()
         self._seen_lengths_m: tuple[float, ...] | None = None
         self._observed_at = 0.0
         self._active = False
@@ -130,7 +131,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._joint_states = self._recorded_publisher(JointState, "bridge/joint_states", qos.STATES)
         self._observed = self._recorded_publisher(PoseArray, "bridge/observed_joints", qos.STATES)
         self._diagnostics = self._recorded_publisher(DiagnosticArray, "/diagnostics", qos.STATES)
-        self._record_topic(TwinState, "twin/state", qos.STATES)
+        self._record_topic(TwinState, "twin/state", qos.STATES, self._follows_this_stream)
         self._record_topic(FaceObservation, "twin/face", qos.FACES)
         self._record_topic(JointState, "twin/joint_states", qos.STATES)
         self.create_subscription(LeaseProof, "bridge/lease", self._on_proof, qos.STATES)
@@ -145,6 +146,10 @@ class HardwareBridgeNode(LifecycleNode):
         self.create_service(SetFace, "set_face", self._on_set_face)
 
     # ---- life -------------------------------------------------------------------------------------------------------
+
+    def _mend_journals(self) -> None:
+        for line in mend_journals(bag_folder(self._settings.bag_folder)):
+            self.get_logger().info(line)
 
     def halt(self) -> None:
         """Hold the struts and let go of the port, whatever the callbacks are doing."""
@@ -219,7 +224,7 @@ class HardwareBridgeNode(LifecycleNode):
             Pacing(p.frame_period_s, homing_speed_m_s=p.homing_speed_m_s),
         )
         attachments, facts = _session_files(p) if p.record else ({}, {})
-        self._rules, self._news, self._seen_lengths_m = rules, ObservationFilter(), None
+        self._news, self._seen_lengths_m, self._times = ObservationFilter(), None, EventTimes()
         self._log = SessionLog(self._on_log_fault) if p.record else None
         bridge = Bridge(
             port,
@@ -238,12 +243,14 @@ class HardwareBridgeNode(LifecycleNode):
         if self._log is not None:
             facts |= {"port": port, "kind": kind, "time_scale": f"{snapshot.time_scale:g}", "calibration": rules.calibration.hash}
             self._log.open(bag_folder(p.bag_folder), self._types, attachments, facts)
+            threading.Thread(target=self._mend_journals, name="mend", daemon=True).start()
         observer = p.observer or bridge.observer
         if observer:
             self._observer_there = False
             self._observer = ObserverClient(observer, self._on_observation, self._on_observer)
         bag = f", recording {self._log.path}" if self._log else ", not recording"
         self.get_logger().info(f"{kind} at {port}, time scale {snapshot.time_scale:g}{bag}; DISARMED, nothing moves")
+        self._publish_diagnostics()
 
     def _close_bridge(self) -> None:
         bridge, self._bridge = self._bridge, None
@@ -272,11 +279,13 @@ class HardwareBridgeNode(LifecycleNode):
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
         self._publish(self._sent, bridge_messages.struts_sent(event, header))
         self._publish(self._joint_states, messages.joint_states(header.stamp, np.array(event.lengths_m)))
+        self._times.add(event.seq, event.robot_time_ns)
         if not event.heartbeat:
             self._news.moved()
 
     def _on_bridge_face(self, event: FaceEvent) -> None:
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
+        self._times.add(event.seq, event.robot_time_ns)
         self._publish(self._face, bridge_messages.face_observation(event, header))
 
     def _on_bridge_state(self, snapshot: Snapshot) -> None:
@@ -412,7 +421,7 @@ class HardwareBridgeNode(LifecycleNode):
         request = goal.request
         try:
             bridge = self._ready()
-            age_s = (self.get_clock().now().nanoseconds - _nanoseconds(request.trajectory.header.stamp)) * 1e-9
+            age_s = (self.get_clock().now().nanoseconds - messages.nanoseconds(request.trajectory.header.stamp)) * 1e-9
             trajectory = bridge_messages.trajectory_of(request.trajectory)
             motion = bridge.execute(trajectory, request.lease, age_s)
         except BridgeError as error:
@@ -477,21 +486,28 @@ class HardwareBridgeNode(LifecycleNode):
         self._types[publisher.topic_name] = (type_name, profile in (qos.FACES, qos.LATCHED))
         return publisher, publisher.topic_name, type_name
 
-    def _record_topic(self, kind: Any, topic: str, profile: QoSProfile) -> None:
-        """Record what another node publishes."""
+    def _record_topic(
+        self, kind: Any, topic: str, profile: QoSProfile, wanted: Callable[[bytes], bool] = lambda data: True
+    ) -> None:
+        """Record what another node publishes, if it is wanted."""
         name, type_name = self.resolve_topic_name(topic), _type_name(kind)
         self._types[name] = (type_name, profile in (qos.FACES, qos.LATCHED))
 
         def record(data: bytes) -> None:
-            if self._log is not None:
+            if self._log is not None and wanted(data):
                 self._log.write(name, type_name, data, self.get_clock().now().nanoseconds)
 
         self.create_subscription(kind, topic, record, profile, raw=True)
 
+    def _follows_this_stream(self, data: bytes) -> bool:
+        """Not the state of a twin that still stands where an earlier bridge's stream ended: its numbers mean other events."""
+        state = deserialize_message(data, TwinState)
+        return self._times.has(state.last_seq, state.robot_time_ns)
+
     def _publish(self, to: tuple[Publisher, str, str], message: Any) -> None:
         """Serialise once, record, publish."""
         publisher, topic, type_name = to
-        data = serialize_message(message)
+        data = wire_bytes(message)
         if self._log is not None:
             self._log.write(topic, type_name, data, self.get_clock().now().nanoseconds)
         publisher.publish(data)
@@ -512,6 +528,9 @@ class HardwareBridgeNode(LifecycleNode):
             if failure is not None:
                 self.get_logger().fatal(str(failure))
                 self._end(1)
+        self._publish_diagnostics()
+
+    def _publish_diagnostics(self) -> None:
         log = None if self._log is None else (str(self._log.path), self._log.messages, self._log.fault)
         snapshot = None if self._bridge is None else self._bridge.snapshot()
         stamp = self.get_clock().now().to_msg()
@@ -546,10 +565,6 @@ def _calibration_bytes(path: str) -> bytes:
 def _type_name(kind: Any) -> str:
     package = kind.__module__.split(".")[0]
     return f"{package}/msg/{kind.__name__}"
-
-
-def _nanoseconds(stamp: Any) -> int:
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -28,6 +28,11 @@ def observed_event(message: FaceObservation) -> Observed:
     return Observed(message.seq, message.robot_time_ns, message.face or None, message.settled)
 
 
+def nanoseconds(stamp: Time) -> int:
+    """A stamp as one number."""
+    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
+
+
 def point(position_m: Array) -> Point:
     """A position, shape (3,)."""
     return Point(x=float(position_m[0]), y=float(position_m[1]), z=float(position_m[2]))

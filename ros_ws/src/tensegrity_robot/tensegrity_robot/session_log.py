@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import importlib.metadata
 import os
 import platform
@@ -9,13 +10,17 @@ import threading
 import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import IO
 
 from hardware_bridge.errors import BridgeError
+from hardware_bridge.journal import finish_journal
 from hardware_bridge.recorder import Recorder
 from hardware_bridge.schemas import ShareSchemas
 
 PACKAGES = ("tensegrity_robot", "hardware_bridge", "sim_core", "numpy", "numba", "mcap", "pyserial")
 MOST_EARLY = 1000
+YOUNG_S = 1.0
+"""A journal younger than this may belong to a session that has not locked it yet."""
 
 
 def bag_folder(configured: str) -> Path:
@@ -44,6 +49,30 @@ def versions() -> dict[str, str]:
     return found
 
 
+def mend_journals(folder: Path) -> list[str]:
+    """Make bags of the journals that dead sessions left in a folder; one line for people each.
+
+    A living session's journal is locked, or was made a moment ago. Waits for the latter to become one or the other.
+    """
+    return [line for journal in sorted(folder.glob("*.mcap.journal")) if (line := _mend(journal))]
+
+
+def _mend(journal: Path) -> str:
+    path = journal.with_suffix("")
+    try:
+        with journal.open("rb") as owner:
+            time.sleep(max(0.0, YOUNG_S - (time.time() - journal.stat().st_mtime)))
+            fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if path.exists():
+                return f"{journal} is left over beside a finished {path.name}: remove it"
+            recording = finish_journal(journal, path)
+            return f"mended {path}: {recording.messages} messages of a session that was cut short"
+    except (BlockingIOError, FileNotFoundError):
+        return ""
+    except (BridgeError, OSError) as error:
+        return f"could not mend {journal}: {error}"
+
+
 class SessionLog:
     """One bag. Messages written before `open` wait for it; a failed log never fails the caller, but says so.
 
@@ -56,6 +85,7 @@ class SessionLog:
         self.path: Path | None = None
         self._on_fault = on_fault
         self._recorder: Recorder | None = None
+        self._owner: IO[bytes] | None = None
         self._early: list[tuple[str, str, bytes, int]] = []
         self._lock = threading.Lock()
         self._failed = ""
@@ -86,6 +116,8 @@ class SessionLog:
         folder.mkdir(parents=True, exist_ok=True)
         schemas = ShareSchemas()
         recorder = Recorder(bag_name(folder, time.gmtime()), schemas.schema_text, type_hash=schemas.type_hash, on_fault=self._fail)
+        self._owner = recorder.journal.open("rb")  # its lock says that the session lives, see mend_journals
+        fcntl.flock(self._owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:
             recorder.add_metadata("versions", versions())
             recorder.add_metadata("session", facts)
@@ -126,5 +158,9 @@ class SessionLog:
         """Finish the bag. Raises BridgeError: it cannot be finished; what was written stays beside it."""
         with self._lock:
             recorder, self._recorder = self._recorder, None
-        if recorder is not None:
-            recorder.close()
+        try:
+            if recorder is not None:
+                recorder.close()
+        finally:
+            if self._owner is not None:
+                self._owner.close()

@@ -8,6 +8,7 @@ from collections import deque
 from dataclasses import dataclass
 
 from geometry_msgs.msg import PoseArray, PoseStamped
+from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -35,7 +36,7 @@ CATCH_UP_S = 0.02
 """Wall time that one callback may spend on stepping the model."""
 
 BEGIN_WAIT_S = 1.0
-"""A stream without a face begins after this long; a face that somebody has seen arrives sooner."""
+"""A stream begins this long after its first write was heard; the faces that somebody saw before arrive sooner."""
 
 TENDON_FULL_SCALE = 2.5
 """Tension drawn in full red, in tensions of the ideal shape."""
@@ -85,7 +86,8 @@ class TwinNode(Node):
         self._pose = self.create_publisher(PoseStamped, "twin/pose", qos.STATES)
         self._markers = self.create_publisher(MarkerArray, "twin/markers", qos.STATES)
         if self._alone is None:
-            self.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, qos.STREAM)
+            found = SubscriptionEventCallbacks(matched=self._on_bridge_found)
+            self.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, qos.STREAM, event_callbacks=found)
             self.create_subscription(FaceObservation, "bridge/face", self._on_face, qos.FACES)
         else:
             self.create_subscription(JointTrajectory, "twin/command", self._on_command, qos.STATES)
@@ -104,12 +106,16 @@ class TwinNode(Node):
 
     # ---- following --------------------------------------------------------------------------------------------------
 
+    def _on_bridge_found(self, change: QoSSubscriptionMatchedInfo) -> None:
+        if change.current_count_change > 0:
+            self._stream.renew()
+
     def _on_sent(self, message: StrutsSent) -> None:
-        self._due.extend(self._stream.sent(messages.sent_event(message)))
+        self._due.extend(self._stream.sent(messages.sent_event(message), messages.nanoseconds(message.header.stamp)))
         self._catch_up()
 
     def _on_face(self, message: FaceObservation) -> None:
-        self._due.extend(self._stream.observed(messages.observed_event(message)))
+        self._due.extend(self._stream.observed(messages.observed_event(message), messages.nanoseconds(message.header.stamp)))
         self._catch_up()
 
     def _catch_up(self) -> None:
