@@ -1,0 +1,168 @@
+"""Somebody at the robot: a ROS client that arms, rolls, commands and watches; every wait has a limit."""
+
+from __future__ import annotations
+
+import threading
+from contextlib import suppress
+from typing import Any
+
+import rclpy
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from tensegrity_interfaces.action import ExecuteStruts, Roll
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, StrutsSent, TwinState
+from tensegrity_interfaces.srv import Arm, Disarm, SetFace
+from tests.ros.processes import START_LIMIT_S, wait_until
+
+ANSWER_LIMIT_S = 15.0
+LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+class Operator:
+    """A client in a context of its own.
+
+    Attributes:
+        bridge, twin, face: newest bridge state, twin state and observed face; None before the first.
+        sent: every StrutsSent heard.
+        feedback: phases of the last roll, in order.
+        lease: proven by `keep_alive` while set.
+    """
+
+    def __init__(self, domain: int):
+        self._context = Context()
+        rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        self.node = Node("test_operator", context=self._context)
+        self.bridge: Any = None
+        self.twin: Any = None
+        self.face: Any = None
+        self.sent: list[Any] = []
+        self.feedback: list[str] = []
+        self.lease = ""
+        subscribe = self.node.create_subscription
+        subscribe(BridgeState, "bridge/state", lambda message: setattr(self, "bridge", message), LATCHED)
+        subscribe(TwinState, "twin/state", lambda message: setattr(self, "twin", message), 10)
+        subscribe(FaceObservation, "bridge/face", lambda message: setattr(self, "face", message), LATCHED)
+        subscribe(StrutsSent, "bridge/struts_sent", self.sent.append, 1000)
+        self._proof = self.node.create_publisher(LeaseProof, "bridge/lease", 10)
+        self.node.create_timer(0.2, self._keep_alive)
+        self._clients = {
+            name: self.node.create_client(kind, name)
+            for name, kind in {
+                "arm": Arm,
+                "disarm": Disarm,
+                "bridge/arm": Arm,
+                "bridge/disarm": Disarm,
+                "stop": Trigger,
+                "reset": Trigger,
+                "set_face": SetFace,
+            }.items()
+        }
+        self._roll = ActionClient(self.node, Roll, "roll")
+        self._struts = ActionClient(self.node, ExecuteStruts, "execute_struts")
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self.node)
+        self._thread = threading.Thread(target=self._spin, daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        with suppress(ExternalShutdownException):
+            self._executor.spin()
+
+    def _keep_alive(self) -> None:
+        if self.lease:
+            self._proof.publish(LeaseProof(stamp=self.node.get_clock().now().to_msg(), lease=self.lease))
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self._thread.join(5.0)
+        self.node.destroy_node()
+        self._context.try_shutdown()
+
+    # ---- waiting ----------------------------------------------------------------------------------------------------
+
+    def meets_stack(self) -> None:
+        """Wait until bridge, twin and planner are there and somebody has seen the robot."""
+        wait_until(lambda: self.bridge is not None and self.bridge.link_ok, START_LIMIT_S, "the bridge's link")
+        wait_until(lambda: self.face is not None, START_LIMIT_S, "an observed face")
+        wait_until(self._twin_follows, START_LIMIT_S, "a twin that follows")
+        wait_until(self._roll.server_is_ready, START_LIMIT_S, "the planner")
+
+    def _twin_follows(self) -> bool:
+        twin = self.twin
+        heard = ((message.seq, message.robot_time_ns) for message in self.sent[-1000:])
+        return twin is not None and (twin.last_seq, twin.robot_time_ns) in heard
+
+    def sees(self, state: str, limit_s: float = 30.0) -> None:
+        """Wait for a state of the bridge."""
+        wait_until(lambda: self.bridge.state == state, limit_s, f"{state} (now {self.bridge.state}: {self.bridge.reason})")
+
+    def stroke_m(self) -> float:
+        """How far the struts are from neutral, as far as is known."""
+        return max((abs(length - 0.234) for message in self.sent[-1:] for length in message.length_m), default=0.0)
+
+    # ---- calling ----------------------------------------------------------------------------------------------------
+
+    def call(self, name: str, request: Any) -> Any:
+        """The answer of a service."""
+        client = self._clients[name]
+        wait_until(client.service_is_ready, START_LIMIT_S, f"service {name}")
+        return self._result(client.call_async(request), f"the answer of {name}")
+
+    def trigger(self, name: str) -> Any:
+        return self.call(name, Trigger.Request())
+
+    def arm(self) -> None:
+        """Through the planner, until ARMED."""
+        answer = self.call("arm", Arm.Request(holder="test", lifted_and_clear=True))
+        assert answer.success, answer.message
+        self.sees(BridgeState.ARMED)
+
+    def begin_roll(self, target: str, source: str = "", primitive: str = "") -> Any:
+        """The goal handle of a roll."""
+        self.feedback.clear()
+        wait_until(self._roll.server_is_ready, START_LIMIT_S, "the planner")
+        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive)
+        return self._result(self._roll.send_goal_async(goal, feedback_callback=self._on_feedback), "the answer to roll")
+
+    def _on_feedback(self, message: Any) -> None:
+        if not self.feedback or self.feedback[-1] != message.feedback.phase:
+            self.feedback.append(message.feedback.phase)
+
+    def end(self, handle: Any, limit_s: float = 60.0) -> Any:
+        """The result of an action, with its status."""
+        return self._result(handle.get_result_async(), "the end of the action", limit_s)
+
+    def roll(self, target: str, source: str = "", primitive: str = "") -> Any:
+        """The result of a whole roll."""
+        return self.end(self.begin_roll(target, source, primitive)).result
+
+    def cancel(self, handle: Any) -> Any:
+        return self._result(handle.cancel_goal_async(), "the answer to cancel")
+
+    def begin_motion(self, *knots: tuple[float, list[float]], lease: str = "", age_s: float = 0.0, names: Any = None) -> Any:
+        """The goal handle of a motion of the struts; knots are (time in s, six rest lengths in m)."""
+        trajectory = JointTrajectory(joint_names=names or [f"S{number}" for number in range(1, 7)])
+        stamp = self.node.get_clock().now().nanoseconds - round(age_s * 1e9)
+        trajectory.header.stamp.sec, trajectory.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+        for time_s, lengths_m in knots:
+            point = JointTrajectoryPoint(positions=lengths_m)
+            point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(time_s * 1e9), 1_000_000_000)
+            trajectory.points.append(point)
+        wait_until(self._struts.server_is_ready, START_LIMIT_S, "execute_struts")
+        goal = ExecuteStruts.Goal(trajectory=trajectory, lease=lease)
+        return self._result(self._struts.send_goal_async(goal), "the answer to execute_struts")
+
+    def move(self, *knots: tuple[float, list[float]], **options: Any) -> Any:
+        """The result of a whole motion of the struts."""
+        return self.end(self.begin_motion(*knots, **options)).result
+
+    def _result(self, future: Any, what: str, limit_s: float = ANSWER_LIMIT_S) -> Any:
+        wait_until(future.done, limit_s, what)
+        return future.result()

@@ -1,0 +1,241 @@
+"""One running stack: what is refused, and rolls."""
+
+from __future__ import annotations
+
+import pytest
+from action_msgs.msg import GoalStatus
+
+from tensegrity_interfaces.msg import BridgeState
+from tensegrity_interfaces.srv import Arm, Disarm, SetFace
+from tests.ros.processes import wait_until
+
+pytestmark = pytest.mark.ros
+NEUTRAL = [0.234] * 6
+ARM_CALL = 'ros2 service call /arm tensegrity_interfaces/srv/Arm "{lifted_and_clear: true}"'
+
+
+@pytest.fixture(scope="module")
+def stack(module_processes):
+    """The whole stack on a virtual prototype without errors of its own, sixteen times as fast as life."""
+    prototype = module_processes.start("virtual_prototype", "--time-scale", "16", "--perturbation", "0")
+    for node in ("twin", "gait_planner", "hardware_bridge"):
+        module_processes.start(node)
+    prototype.says("ready")
+    return module_processes
+
+
+@pytest.fixture(scope="module")
+def stack_operator(stack, domain):
+    from tests.ros.client import Operator
+
+    operator = Operator(domain)
+    operator.meets_stack()
+    yield operator
+    operator.close()
+
+
+@pytest.fixture
+def robot(stack_operator):
+    """An operator before the running stack, nobody holding the lease."""
+    yield stack_operator
+    stack_operator.call("disarm", Disarm.Request())
+    if stack_operator.bridge.state == BridgeState.FAULT:
+        stack_operator.trigger("reset")
+    stack_operator.sees(BridgeState.DISARMED)
+
+
+def moves(operator) -> int:
+    return sum(not message.heartbeat for message in operator.sent)
+
+
+def test_a_roll_of_a_disarmed_robot_names_the_call_that_arms(robot):
+    result = robot.roll("TO5")
+    assert not result.success
+    assert result.reason == f"the robot is not armed: {ARM_CALL}"
+    assert moves(robot) == 0
+
+
+def test_arming_needs_the_operators_word(robot):
+    answer = robot.call("arm", Arm.Request())
+    assert not answer.success
+    assert "lifted_and_clear is false" in answer.message
+
+
+def test_a_whole_roll_is_seen_to_land_and_the_next_starts_where_it_ended(robot):
+    robot.arm()
+    source = robot.face.face
+    target, back = ("TO5", "TC6") if source == "TC6" else ("TC6", "TO5")
+    handle = robot.begin_roll(target)
+    second = robot.begin_roll(target)
+    assert not second.accepted
+    answer = robot.end(handle)
+    result = answer.result
+    assert answer.status == GoalStatus.STATUS_SUCCEEDED, result.reason
+    assert (result.success, result.reason) == (True, "")
+    assert (result.predicted_face, result.observed_face) == (target, target)
+    assert result.face_sequence[0] == source
+    assert result.face_sequence[-1] == target
+    assert result.gait == f"{result.primitive} {source}→{target}"
+    assert 3.0 < result.duration_s < 60.0
+    assert list(robot.bridge.length_m) == pytest.approx(NEUTRAL, abs=1e-4)
+    assert robot.twin.face == target
+    again = robot.roll(back)
+    assert again.success, again.reason
+    assert (again.face_sequence[0], again.observed_face) == (target, back)
+
+
+@pytest.mark.parametrize(
+    ("goal", "why"),
+    [
+        ({"target": "TC9"}, "unknown face 'TC9': valid are TC1..TC8 (closed triangles) and TO1..TO12 (open triangles)"),
+        ({"target": "TO1"}, "TO1 is not adjacent to TC6: one roll from TC6 reaches TO5, TO7, TO9"),
+        ({"target": "TO5", "primitive": "P99"}, "has no primitive 'P99': valid are P1, P2"),
+        ({"target": "TO5", "source": "TC5"}, "TO5 is not adjacent to TC5"),
+        ({"target": "TO9", "source": "TC5"}, "the robot is known to stand on TC6, not on TC5: leave source_face empty"),
+    ],
+)
+def test_an_impossible_roll_is_refused_naming_what_is_valid(robot, goal, why):
+    robot.arm()
+    wait_until(lambda: robot.face.face == "TC6", 10.0, "TC6")
+    before = moves(robot)
+    answer = robot.end(robot.begin_roll(**goal))
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert why in answer.result.reason
+    assert moves(robot) == before
+
+
+def test_a_command_without_the_lease_is_refused(robot):
+    nobody = robot.move((1.0, NEUTRAL))
+    assert nobody.reason == "lease (none) refused: nobody holds a lease; arm first"
+    robot.arm()
+    before = moves(robot)
+    guessed = robot.move((1.0, [0.240] * 6), lease="0123456789abcdef")
+    assert not guessed.success
+    assert guessed.reason == "lease 0123456789abcdef refused: test holds another one"
+    assert moves(robot) == before
+
+
+@pytest.fixture
+def commander(robot):
+    """Somebody who armed the bridge itself and so may command struts."""
+    answer = robot.call("bridge/arm", Arm.Request(holder="commander", lifted_and_clear=True))
+    assert answer.success, answer.message
+    robot.lease = answer.lease
+    robot.sees(BridgeState.ARMED)
+    yield robot
+    robot.lease = ""
+    robot.call("bridge/disarm", Disarm.Request(lease=answer.lease))
+
+
+@pytest.mark.parametrize(
+    ("knots", "options", "why"),
+    [
+        ([(4.0, [0.234 + 0.0451, *NEUTRAL[1:]])], {}, "S1: stroke 45.1 mm at knot 1 is outside the limit 45 mm"),
+        ([(1.0, [0.23] * 6), (9.0, [*NEUTRAL[:5], 0.18])], {}, "S6: stroke -54 mm at knot 2 is outside the limit -45 mm"),
+        ([(0.2, [*NEUTRAL[:5], 0.240])], {}, "S6: speed 30 mm/s in segment 1 is outside the limit 20 mm/s"),
+        ([(1.0, [float("nan"), *NEUTRAL[1:]])], {}, "S1 is nan at knot 1"),
+        ([(1.0, [0.235] * 6)], {"names": ["S1"] * 6}, "valid are ['S1', 'S2', 'S3', 'S4', 'S5', 'S6'], each once"),
+        ([(1.0, [0.235] * 6)], {"age_s": 2.0}, "s old, valid is within 0.5 s"),
+        ([], {}, "valid"),
+    ],
+)
+def test_a_motion_outside_the_limits_is_refused_whole(commander, knots, options, why):
+    before = moves(commander)
+    result = commander.move(*knots, lease=commander.lease, **options)
+    assert not result.success
+    assert why in result.reason
+    assert moves(commander) == before
+
+
+def test_a_silent_commander_loses_the_lease_and_the_struts_hold(commander):
+    handle = commander.begin_motion((100.0, [0.244] * 6), lease=commander.lease)
+    wait_until(lambda: commander.stroke_m() > 0.0001, 10.0, "motion")
+    commander.lease = ""
+    answer = commander.end(handle)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "commander was silent for more than 1 s" in answer.result.reason
+    held = list(commander.bridge.length_m)
+    assert held[0] < 0.2439
+    commander.sees(BridgeState.HOLD)
+    assert commander.bridge.lease_holder == ""
+
+
+def test_a_cancelled_roll_holds_the_struts_and_the_next_returns_to_neutral_first(robot):
+    robot.arm()
+    source = robot.face.face
+    target = "TO5" if source == "TC6" else "TC6"
+    handle = robot.begin_roll(target)
+    wait_until(lambda: robot.stroke_m() > 0.005, 20.0, "motion")
+    assert len(robot.cancel(handle).goals_canceling) == 1
+    answer = robot.end(handle)
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert answer.result.reason == "cancelled; the struts hold where they are"
+    robot.sees(BridgeState.HOLD)
+    last = [message for message in robot.sent if not message.heartbeat][-2:]
+    assert list(last[0].pulse_us) == list(last[1].pulse_us)
+    wait_until(lambda: robot.twin.at_rest and robot.face.settled and robot.face.face, 20.0, "rest on a face")
+    answer = robot.end(robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6"))
+    assert robot.feedback[0] == "going to neutral lengths", robot.feedback
+    assert answer.result.success, answer.result.reason
+
+
+def test_stop_fails_the_running_roll_and_latches(robot):
+    robot.arm()
+    handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
+    wait_until(lambda: robot.stroke_m() > 0.002, 20.0, "motion")
+    assert robot.trigger("stop").success
+    answer = robot.end(handle)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "the bridge is in FAULT (stop pressed)" in answer.result.reason
+    robot.sees(BridgeState.FAULT)
+    refused = robot.call("arm", Arm.Request(lifted_and_clear=True))
+    assert "stop pressed; remove the cause, then call reset" in refused.message
+    assert robot.trigger("reset").success
+    robot.sees(BridgeState.DISARMED)
+    robot.arm()
+    assert list(robot.bridge.length_m) == pytest.approx(NEUTRAL, abs=1e-4)
+
+
+def test_a_face_can_be_told_and_goes_into_the_event_stream(robot):
+    wrong = robot.call("set_face", SetFace.Request(face="TC9"))
+    assert not wrong.success
+    assert "TC1 to TC8" in wrong.message
+    assert not robot.call("set_face", SetFace.Request(face="TC1", source="predicted")).success
+    answer = robot.call("set_face", SetFace.Request(face="TC1"))
+    assert answer.success
+    wait_until(lambda: robot.face.source == "operator", 10.0, "the face")
+    assert robot.face.face == "TC1"
+    wait_until(lambda: robot.twin.face == "TC1", 10.0, "the twin on TC1")
+    there = robot.call("set_face", SetFace.Request(face="TC6"))
+    assert there.success
+    wait_until(lambda: robot.twin.face == "TC6", 10.0, "the twin on TC6")
+
+
+def test_a_twin_that_is_started_again_joins_where_the_robot_stands(stack, robot):
+    digests = {}
+    robot.node.create_subscription(type(robot.twin), "twin/state", lambda m: digests.setdefault(m.first_seq, m), 10)
+    wait_until(lambda: digests, 10.0, "the twin")
+    (first,) = digests
+    twin = next(process for process in stack._started if process.name == "twin")
+    twin.kill()
+    stack.start("twin").says("the event stream begins")
+    wait_until(lambda: any(seq > first for seq in digests), 30.0, "a twin that joined late")
+    late = digests[max(digests)]
+    assert late.detail.startswith(f"began on {robot.face.face}")
+    assert late.first_seq > first
+
+
+def test_a_roll_of_a_bridge_that_died_ends_with_the_reason(stack, robot):
+    robot.arm()
+    handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
+    wait_until(lambda: robot.stroke_m() > 0.002, 20.0, "motion")
+    bridge = next(process for process in stack._started if process.name == "hardware_bridge")
+    bridge.kill()
+    answer = robot.end(handle)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "the hardware bridge is silent" in answer.result.reason
+    again = stack.start("hardware_bridge")
+    again.says("DISARMED, nothing moves")
+    again.says("messages of a session that was cut short")
+    wait_until(lambda: robot.bridge.state == BridgeState.DISARMED and robot.bridge.robot_time_ns > 0, 20.0, "the new bridge")
+    assert "the robot is not armed" in robot.roll("TO5").reason

@@ -1,0 +1,109 @@
+"""Bags: names, early messages, sessions cut short; which observations are news."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import pytest
+from rclpy.serialization import serialize_message
+from std_msgs.msg import String
+
+from hardware_bridge.bag_reader import read_session
+from tensegrity_robot import session_log
+from tensegrity_robot.filters import EventTimes, ObservationFilter
+from tensegrity_robot.session_log import SessionLog, bag_folder, bag_name, mend_journals
+
+NOON = time.struct_time((2026, 3, 1, 12, 0, 0, 6, 60, 0))
+STRING = "std_msgs/msg/String"
+
+
+def text(value: str) -> bytes:
+    return bytes(serialize_message(String(data=value)))
+
+
+def opened(folder: Path) -> SessionLog:
+    log = SessionLog(pytest.fail)
+    log.write("/early", STRING, text("before"), 1)
+    log.open(folder, {"/early": (STRING, False)}, {"library.yaml": b"x"}, {"port": "p"})
+    return log
+
+
+def test_bags_are_named_by_the_second_and_never_overwrite(tmp_path):
+    first = bag_name(tmp_path, NOON)
+    assert first.name == "session_20260301_120000.mcap"
+    first.touch()
+    second = bag_name(tmp_path, NOON)
+    assert second.name == "session_20260301_120000_2.mcap"
+    second.with_name(second.name + ".journal").touch()
+    assert bag_name(tmp_path, NOON).name == "session_20260301_120000_3.mcap"
+
+
+def test_the_bag_folder_is_configured_or_from_the_environment_or_below_here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("SIXSTRUT_BAGS", raising=False)
+    assert bag_folder("") == tmp_path / "bags"
+    monkeypatch.setenv("SIXSTRUT_BAGS", str(tmp_path / "mine"))
+    assert bag_folder("") == tmp_path / "mine"
+    assert bag_folder("other") == tmp_path / "other"
+
+
+def test_messages_from_before_the_bag_are_in_it(tmp_path):
+    log = opened(tmp_path)
+    log.write("/early", STRING, text("after"), 2)
+    log.close()
+    assert log.path is not None
+    session = read_session(log.path)
+    assert [message.data for message in session.of("early")] == ["before", "after"]
+    assert session.attachments == {"library.yaml": b"x"}
+    assert session.metadata["session"] == {"port": "p"}
+    assert "python" in session.metadata["versions"]
+
+
+def test_what_comes_after_the_end_is_dropped(tmp_path):
+    log = opened(tmp_path)
+    log.close()
+    log.write("/early", STRING, text("late"), 3)
+    log.close()
+
+
+def test_a_dead_session_is_mended_and_a_living_one_left_alone(tmp_path, monkeypatch):
+    monkeypatch.setattr(session_log, "YOUNG_S", 0.0)
+    living = opened(tmp_path)
+    assert mend_journals(tmp_path) == []
+    living.close()
+    assert living.path is not None
+    journal = tmp_path / "dead.mcap.journal"
+    whole = living.path.read_bytes()
+    journal.write_bytes(whole[: len(whole) // 2])
+    (line,) = mend_journals(tmp_path)
+    assert line.startswith(f"mended {tmp_path / 'dead.mcap'}:")
+    assert not journal.exists()
+    read_session(tmp_path / "dead.mcap")
+
+
+def test_an_observation_is_news_when_face_or_rest_changes():
+    news = ObservationFilter()
+    assert news.is_news("TC6", True)
+    assert not news.is_news("TC6", True)
+    assert news.is_news("TC6", False)
+    assert news.is_news(None, False)
+    assert not news.is_news(None, False)
+    assert news.is_news("TO5", True)
+
+
+def test_rest_after_a_write_is_news_even_on_the_same_face():
+    news = ObservationFilter()
+    news.is_news("TC6", True)
+    news.moved()
+    assert news.is_news("TC6", True)
+    assert not news.is_news("TC6", True)
+
+
+def test_an_event_is_known_by_number_and_time_and_old_ones_are_forgotten():
+    times = EventTimes()
+    for seq in range(1, EventTimes.MOST + 2):
+        times.add(seq, 50 * seq)
+    assert times.has(2, 100)
+    assert not times.has(2, 101)
+    assert not times.has(1, 50)

@@ -1,0 +1,144 @@
+"""How the executables start, alone and together, and how they refuse to."""
+
+from __future__ import annotations
+
+import os
+import signal
+import tty
+
+import pytest
+from lifecycle_msgs.msg import State
+from lifecycle_msgs.srv import ChangeState, GetState
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from tensegrity_interfaces.msg import BridgeState
+from tests.ros.processes import wait_until
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def real_port():
+    """A pty of ours: to the bridge, a real port."""
+    near, far = os.openpty()
+    tty.setraw(far)
+    yield os.ttyname(far)
+    os.close(near)
+    os.close(far)
+
+
+def test_all_start_with_no_argument_and_the_bridge_waits_for_a_prototype(processes, operator):
+    bridge, twin, planner = (processes.start(name) for name in ("hardware_bridge", "twin", "gait_planner"))
+    bridge.says("start one with `ros2 run tensegrity_robot virtual_prototype`")
+    twin.says("stands on TC6")
+    planner.says("library first")
+    wait_until(lambda: operator.bridge is not None, 20.0, "the bridge's state")
+    assert operator.bridge.state == BridgeState.DISARMED
+    assert not operator.bridge.link_ok
+    refused = operator.roll("TO5")
+    assert not refused.success
+    assert "ros2 run tensegrity_robot virtual_prototype" in refused.reason
+
+    processes.start("virtual_prototype", "--time-scale", "10")
+    bridge.says("DISARMED, nothing moves")
+    operator.meets_stack()
+    assert operator.bridge.virtual_port
+    assert operator.bridge.time_scale == 10.0
+    assert bridge.output.count("ros2 run tensegrity_robot virtual_prototype") == 1
+    assert not any(not message.heartbeat for message in operator.sent)
+    assert processes.stop() == {"hardware_bridge": 0, "gait_planner": 0, "twin": 0, "virtual_prototype": 0}
+
+
+def one_line_error(process) -> str:
+    assert process.ends() == 1, process.output
+    lines = [line for line in process.output.splitlines() if line.strip()]
+    assert len(lines) == 1, process.output
+    assert lines[0].startswith("error: ")
+    return lines[0]
+
+
+def test_a_missing_port_is_a_one_line_error(processes):
+    error = one_line_error(processes.start("hardware_bridge", port="/dev/does_not_exist"))
+    assert "port /dev/does_not_exist: does not exist; start the virtual prototype, or power the robot" in error
+
+
+def test_a_busy_port_is_a_one_line_error(processes, real_port):
+    first = processes.start("hardware_bridge", port=real_port)
+    first.says("DISARMED, nothing moves")
+    assert f"port {real_port}: is in use" in one_line_error(processes.start("hardware_bridge", port=real_port))
+    assert first.code is None
+
+
+def test_a_real_port_has_no_time_scale(processes, real_port):
+    error = one_line_error(processes.start("hardware_bridge", port=real_port, time_scale=2.0))
+    assert "valid is 1 only" in error
+
+
+@pytest.mark.parametrize(
+    ("node", "parameters", "why"),
+    [
+        ("twin", {"mode": "watch"}, "parameter mode is 'watch': valid is 'follow' or 'standalone'"),
+        ("twin", {"rate_hz": 500.0}, "parameter rate_hz: valid is a decimal number, such as 1.0, from 1 to 200"),
+        ("twin", {"start_face": "TC9"}, "unknown face 'TC9': valid are TC1..TC8"),
+        ("twin", {"prototype_file": "/nowhere.yaml"}, "cannot read prototype file /nowhere.yaml"),
+        ("gait_planner", {"library": "nonesuch"}, "shipped are:"),
+        ("gait_planner", {"settle_timeout_s": "soon"}, "parameter settle_timeout_s: valid is a decimal number"),
+        ("hardware_bridge", {"calibration": "/nowhere.yaml", "port": "/dev/null"}, "calibration /nowhere.yaml: cannot be read"),
+    ],
+)
+def test_a_bad_parameter_is_a_one_line_error(processes, node, parameters, why):
+    assert why in one_line_error(processes.start(node, **parameters))
+
+
+def test_the_bridge_goes_through_its_life_by_lifecycle_calls(processes, operator):
+    processes.start("virtual_prototype", "--time-scale", "10").says("ready")
+    processes.start("hardware_bridge", autostart=False)
+    change = operator.node.create_client(ChangeState, "hardware_bridge/change_state")
+    get = operator.node.create_client(GetState, "hardware_bridge/get_state")
+    wait_until(lambda: change.service_is_ready() and get.service_is_ready(), 30.0, "lifecycle services")
+
+    def state() -> int:
+        return operator._result(get.call_async(GetState.Request()), "get_state").current_state.id
+
+    def go(transition: int) -> bool:
+        request = ChangeState.Request()
+        request.transition.id = transition
+        return operator._result(change.call_async(request), "change_state").success
+
+    assert state() == State.PRIMARY_STATE_UNCONFIGURED
+    assert go(1)
+    assert state() == State.PRIMARY_STATE_INACTIVE
+    wait_until(lambda: operator.bridge is not None and operator.bridge.link_ok, 10.0, "the link")
+    refused = operator.move((1.0, [0.234] * 6))
+    assert "the bridge is inactive: ros2 lifecycle set /hardware_bridge activate" in refused.reason
+    assert go(3)
+    assert state() == State.PRIMARY_STATE_ACTIVE
+    assert go(4)
+    assert go(2)
+    wait_until(lambda: not operator.bridge.link_ok, 10.0, "the end of the link")
+    assert operator.move((1.0, [0.234] * 6)).reason.startswith("unconfigured: ros2 lifecycle set /hardware_bridge configure")
+
+
+def test_a_standalone_twin_is_a_robot_that_takes_commands(processes, operator):
+    twin = processes.start("twin", mode="standalone", time_scale=5.0, rate_hz=50.0, start_face="TO1")
+    lengths: list[list[float]] = []
+    operator.node.create_subscription(JointState, "twin/joint_states", lambda m: lengths.append(list(m.position)), 10)
+    command = operator.node.create_publisher(JointTrajectory, "twin/command", 10)
+    wait_until(lambda: lengths and command.get_subscription_count(), 30.0, "the twin")
+    assert lengths[-1] == pytest.approx([0.234] * 6)
+    target = [0.234, 0.240, 0.234, 0.228, 0.234, 0.234]
+
+    def say(goal: list[float]) -> None:
+        names = [f"S{number}" for number in range(1, 7)]
+        command.publish(JointTrajectory(joint_names=names, points=[JointTrajectoryPoint(positions=goal)]))
+
+    say(target)
+    wait_until(lambda: lengths[-1] == pytest.approx(target), 10.0, "the struts")
+    say([0.234 + 0.046, *target[1:]])
+    twin.says("twin/command refused: S1: stroke 46 mm is outside the limit ±45 mm")
+    assert lengths[-1] == pytest.approx(target)
+    wait_until(lambda: operator.twin is not None and operator.twin.at_rest, 10.0, "rest")
+    assert operator.twin.face == "TO1"
+    twin.signal(signal.SIGTERM)
+    assert twin.ends() == 0
