@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass, fields, replace
 from itertools import pairwise
 
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 
 from sim_core.kernel import POINTS_PER_JOINT
 from sim_core.parameters import Prototype
+from sim_core.rotation import dot, norm, rotated, unit
 from sim_core.structure import NODES, STRUTS, TENDONS
 
 Array = NDArray[np.float64]
@@ -102,20 +104,16 @@ class Elements:
         }
 
 
-def _unit(vector: Array) -> Array:
-    return vector / np.linalg.norm(vector)
-
-
 def strut_axis(strut: int) -> Array:
     """Unit vector from end 1 to end 2 of a strut, body coordinates."""
     first, second = STRUTS[strut]
-    return _unit(NODES[second] - NODES[first])
+    return unit(NODES[second] - NODES[first])
 
 
 def _strut_frame(strut: int) -> Array:
     """Columns: the strut's axis, the inward direction (across it, to the centre), and their cross product."""
     axis, node = strut_axis(strut), NODES[STRUTS[strut][0]]
-    inward = _unit(-(node - node.dot(axis) * axis))
+    inward = unit(-(node - dot(node, axis) * axis))
     return np.stack([axis, inward, np.cross(axis, inward)], axis=1)
 
 
@@ -127,7 +125,7 @@ def strut_of_node(node: int) -> int:
 def _tendon_point(prototype: Prototype, node: int, other: int) -> Array:
     """Where a tendon of `node` that goes to `other` is tied, in body coordinates relative to the node."""
     axis, chord = strut_axis(strut_of_node(node)), NODES[other] - NODES[node]
-    return prototype.tendon_point_radius_m * _unit(chord - chord.dot(axis) * axis)
+    return prototype.tendon_point_radius_m * unit(chord - dot(chord, axis) * axis)
 
 
 def elements_of(prototype: Prototype) -> Elements:
@@ -157,19 +155,19 @@ def elements_of(prototype: Prototype) -> Elements:
     def tie(p1: int, p2: int, arm_1: Array, arm_2: Array, k: float, stretch: float) -> None:
         ends.append((p1, p2))
         stiffness.append(k)
-        rest.append(float(np.linalg.norm(position[p2] + arm_2 - position[p1] - arm_1)) / stretch)
-        points_1.append(frame[p1].T @ arm_1)
-        points_2.append(frame[p2].T @ arm_2)
+        rest.append(float(norm(position[p2] + arm_2 - position[p1] - arm_1)) / stretch)
+        points_1.append(rotated(frame[p1].T, arm_1))
+        points_2.append(rotated(frame[p2].T, arm_2))
 
     for i, j in TENDONS:
         arms = _tendon_point(prototype, i, j), _tendon_point(prototype, j, i)
         tie(i, j, *arms, prototype.tendon_stiffness_n_m, prototype.tendon_stretch)
-    angle = np.deg2rad(prototype.box_rope_point_angle_deg)
+    angle = math.radians(prototype.box_rope_point_angle_deg)
     for node in range(12):
         _, inward, side = frame[node].T
         for sign in (1.0, -1.0):
-            arm = prototype.box_rope_point_radius_m * (np.cos(angle) * inward + sign * np.sin(angle) * side)
-            at_box = prototype.box_rope_reach_m * (_unit(NODES[node]) + sign * prototype.box_rope_spread * side)
+            arm = prototype.box_rope_point_radius_m * (math.cos(angle) * inward + sign * math.sin(angle) * side)
+            at_box = prototype.box_rope_reach_m * (unit(NODES[node]) + sign * prototype.box_rope_spread * side)
             tie(node, box, arm, at_box, prototype.box_rope_stiffness_n_m, prototype.box_rope_stretch)
 
     contacts = []
@@ -179,7 +177,7 @@ def elements_of(prototype: Prototype) -> Elements:
         others = [b if a == node else a for a, b in TENDONS if node in (a, b)]
         arms_of_joint = [prototype.contact_tip_m * outward]
         arms_of_joint += [_tendon_point(prototype, node, o) + prototype.contact_rim_m * outward for o in others]
-        contacts += [frame[node].T @ arm for arm in arms_of_joint]
+        contacts += [rotated(frame[node].T, arm) for arm in arms_of_joint]
 
     beams = len(beam_ends)
     node_mass = prototype.joint_mass_kg + 0.5 * prototype.actuator_mass_kg
@@ -187,7 +185,7 @@ def elements_of(prototype: Prototype) -> Elements:
     ratios = np.array([prototype.contact_damping_ratio, prototype.contact_tangential_damping_ratio])
     tilt_x, tilt_y = prototype.ground_slope_rad
     # gravity seen from the ground: first tilted about x, then about y
-    down = np.array([np.sin(tilt_y) * np.cos(tilt_x), -np.sin(tilt_x), -np.cos(tilt_y) * np.cos(tilt_x)])
+    down = np.array([math.sin(tilt_y) * math.cos(tilt_x), -math.sin(tilt_x), -math.cos(tilt_y) * math.cos(tilt_x)])
     return Elements(
         position_m=np.array(position),
         frame=np.array(frame),

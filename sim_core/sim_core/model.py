@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from sim_core import kernel as k
 from sim_core.elements import IMPROVED, KINDS, Array, Elements, elements_of, previous_elements_of
 from sim_core.errors import ModelError, UnstableStepError
 from sim_core.parameters import Prototype
+from sim_core.rotation import norm
 from sim_core.stability import largest_stable_step_s
 
 STEP_MARGIN = 0.97
@@ -45,7 +47,7 @@ class Model:
     @property
     def weight_n(self) -> float:
         """Whole weight's component onto the ground."""
-        return float(-self.elements.mass_kg.sum() * self.elements.gravity_m_s2[2])
+        return -math.fsum(self.elements.mass_kg) * float(self.elements.gravity_m_s2[2])
 
     @property
     def kind(self) -> str:
@@ -84,7 +86,7 @@ def build_model(prototype: Prototype, elements: Elements | None = None, kind: st
         np.ascontiguousarray(elements.cable_ends),
         len(elements.mass_kg),
     )
-    reach = float(np.linalg.norm(elements.contact_point_m, axis=1).max()) + 1e-3
+    reach = float(norm(elements.contact_point_m).max()) + 1e-3
     model = Model(prototype, elements, topology, _rows(elements), reach)
     limit = largest_stable_step_s(elements, topology, model.par, prototype.actuator_stroke_m)
     if model.dt_s > STEP_MARGIN * limit:

@@ -14,7 +14,7 @@ from sim_core.errors import DivergedError
 from sim_core.footing import Footing, clearance_m, judge_footing
 from sim_core.model import Model
 from sim_core.policy import neutral_lengths
-from sim_core.rotation import about_z, best_fit, matrix_of, quaternion_of, turn_onto
+from sim_core.rotation import about_z, best_fit, dot, down_of, matrix_of, norm, product, quaternion_of, rotated, turn_onto, unit
 from sim_core.structure import FACES, NODES, require_face
 
 SETTLE_S = 3.0
@@ -65,8 +65,8 @@ class Robot:
         robot = cls(model)
         corners = NODES[list(FACES[require_face(face)])]
         normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-        normal /= np.linalg.norm(normal) * np.sign(normal @ corners[0])
-        robot.place(about_z(yaw_rad) @ turn_onto(normal, np.array([0.0, 0.0, -1.0])), np.zeros(3))
+        normal = unit(normal) * np.sign(dot(normal, corners[0]))
+        robot.place(product(about_z(yaw_rad), turn_onto(normal, np.array([0.0, 0.0, -1.0]))), np.zeros(3))
         robot._particles[:, k.X + 2] -= robot.contact_points_m()[:, 2].min()
         return robot
 
@@ -98,9 +98,9 @@ class Robot:
         """Turn the whole robot about the origin by a rotation matrix, then shift it. Friction lets go."""
         rows = self._particles
         for at in (k.X, k.V, k.S):
-            rows[:, at : at + 3] = rows[:, at : at + 3] @ turn.T
+            rows[:, at : at + 3] = rotated(turn, rows[:, at : at + 3])
         rows[:, k.X : k.X + 3] += shift_m
-        rows[:, k.Q : k.Q + 4] = [quaternion_of(turn @ matrix) for matrix in matrix_of(rows[:, k.Q : k.Q + 4])]
+        rows[:, k.Q : k.Q + 4] = [quaternion_of(product(turn, matrix)) for matrix in matrix_of(rows[:, k.Q : k.Q + 4])]
         self._state[self.model.layout.contacts :] = 0.0
 
     def copy(self) -> Robot:
@@ -143,7 +143,7 @@ class Robot:
 
     def joint_speeds_m_s(self) -> Array:
         """Speeds of the twelve joints, (12,)."""
-        return np.sqrt((self._particles[: k.JOINTS, k.V : k.V + 3] ** 2).sum(axis=1))
+        return norm(self._particles[: k.JOINTS, k.V : k.V + 3])
 
     def box_m(self) -> Array:
         """Position of the control box, (3,)."""
@@ -171,7 +171,7 @@ class Robot:
         """Positions of the sixty contact points, (60, 3)."""
         frames = matrix_of(self._particles[: k.JOINTS, k.Q : k.Q + 4])
         points = self.model.elements.contact_point_m.reshape(k.JOINTS, k.POINTS_PER_JOINT, 3)
-        return (self.joints_m()[:, None, :] + np.einsum("nij,nkj->nki", frames, points)).reshape(-1, 3)
+        return (self.joints_m()[:, None, :] + rotated(frames[:, None], points)).reshape(-1, 3)
 
     def center_of_mass_m(self) -> Array:
         """(3,)."""
@@ -204,17 +204,17 @@ class Robot:
         e = self.model.elements
         x, frames = self._particles[:, k.X : k.X + 3], self.frames()
         ends = [
-            x[p] + np.einsum("nij,nj->ni", frames[p], points)
+            x[p] + rotated(frames[p], points)
             for p, points in zip(e.cable_ends.T, (e.cable_point_1_m, e.cable_point_2_m), strict=True)
         ]
-        return np.maximum(0.0, e.cable_stiffness_n_m * (np.linalg.norm(ends[1] - ends[0], axis=1) - e.cable_rest_m))
+        return np.maximum(0.0, e.cable_stiffness_n_m * (norm(ends[1] - ends[0]) - e.cable_rest_m))
 
     def footing(self) -> Footing:
         """What the robot stands on now."""
         m = self.model
         gravity = m.elements.gravity_m_s2
         carry = m.prototype.carry_fraction * m.weight_n
-        down = gravity / np.linalg.norm(gravity) if np.any(gravity) else np.array([0.0, 0.0, -1.0])
+        down = down_of(gravity)
         return judge_footing(self.joints_m(), self.center_of_mass_m(), self.ground_forces_n(), carry, down)
 
     def clearance_m(self) -> float:

@@ -15,6 +15,7 @@ from sim_core.model import Model
 from sim_core.policy import Policy, checked_policy, lengths_of
 from sim_core.relax import RESIDUAL
 from sim_core.robot import Robot
+from sim_core.rotation import down_of
 from sim_core.structure import TENDON_LENGTH, require_adjacent
 from sim_core.watch import SAMPLE_S
 
@@ -121,12 +122,12 @@ def follow_policy(robot: Robot, source: str, target: str | None, policy: Policy,
 
 def rules_of(model: Model) -> w.Rules:
     """What a watch of this model judges by."""
-    p, gravity = model.prototype, model.elements.gravity_m_s2
+    p = model.prototype
     period = samples_of(model, SAMPLE_S) * model.dt_s
     return w.Rules(
         model.elements.mass_kg,
         p.carry_fraction * model.weight_n,
-        gravity / np.linalg.norm(gravity) if np.any(gravity) else np.array([0.0, 0.0, -1.0]),
+        down_of(model.elements.gravity_m_s2),
         p.rest_speed_m_s,
         math.ceil(p.rest_hold_s / period - 1e-9),
         math.ceil(p.rest_timeout_s / period - 1e-9),

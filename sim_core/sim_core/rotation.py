@@ -1,6 +1,12 @@
-"""Rotations outside the kernel: quaternions (w, x, y, z) and matrices, numpy arrays."""
+"""Vectors and rotations outside the kernel: quaternions (w, x, y, z) and matrices, numpy arrays.
+
+What goes into a model or a robot's state is made of elementwise operations only (no BLAS, no vectorised sine), so that it has the
+same bits on every processor: only then can a recorded session be replayed bit for bit elsewhere.
+"""
 
 from __future__ import annotations
+
+import math
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,20 +14,48 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
+def dot(a: Array, b: Array) -> Array:
+    """Scalar products over the last axis (length 3)."""
+    return a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1] + a[..., 2] * b[..., 2]
+
+
+def norm(a: Array) -> Array:
+    """Lengths over the last axis (length 3)."""
+    return np.sqrt(dot(a, a))
+
+
+def unit(a: Array) -> Array:
+    """A vector's direction, (3,)."""
+    return a / norm(a)
+
+
+def rotated(matrix: Array, vector: Array) -> Array:
+    """Matrix times vector, (..., 3, 3) and (..., 3), broadcast."""
+    return np.stack([dot(matrix[..., row, :], vector) for row in range(3)], axis=-1)
+
+
+def product(a: Array, b: Array) -> Array:
+    """Product of two (3, 3) matrices."""
+    return np.stack([rotated(a, b[:, column]) for column in range(3)], axis=-1)
+
+
 def quaternion_of(matrix: Array) -> Array:
-    """Unit quaternion (w, x, y, z) of a proper rotation matrix, shape (3, 3); w or the largest component positive."""
-    m = np.asarray(matrix)
-    # Bar-Itzhack: the quaternion is the dominant eigenvector of K, whatever the rotation
-    k = np.array(
-        [
-            [m[0, 0] + m[1, 1] + m[2, 2], m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]],
-            [0.0, m[0, 0] - m[1, 1] - m[2, 2], m[0, 1] + m[1, 0], m[0, 2] + m[2, 0]],
-            [0.0, 0.0, m[1, 1] - m[0, 0] - m[2, 2], m[1, 2] + m[2, 1]],
-            [0.0, 0.0, 0.0, m[2, 2] - m[0, 0] - m[1, 1]],
-        ]
-    )
-    q = np.linalg.eigh(k + np.triu(k, 1).T)[1][:, -1]
-    return q * (1.0 if q[np.argmax(np.abs(q))] > 0 else -1.0)
+    """Unit quaternion (w, x, y, z) of a rotation matrix, shape (3, 3); its largest component is positive (Shepperd's method)."""
+    m = [[float(value) for value in row] for row in np.asarray(matrix)]
+    trace = m[0][0] + m[1][1] + m[2][2]
+    squares = [trace, m[0][0], m[1][1], m[2][2]]
+    largest = squares.index(max(squares))
+    if largest == 0:
+        parts = [1.0 + trace, m[2][1] - m[1][2], m[0][2] - m[2][0], m[1][0] - m[0][1]]
+    else:
+        i = largest - 1
+        j, k = (i + 1) % 3, (i + 2) % 3
+        parts = [m[k][j] - m[j][k], 0.0, 0.0, 0.0]
+        parts[1 + i] = 1.0 + m[i][i] - m[j][j] - m[k][k]
+        parts[1 + j] = m[j][i] + m[i][j]
+        parts[1 + k] = m[k][i] + m[i][k]
+    length = math.sqrt(parts[0] * parts[0] + parts[1] * parts[1] + parts[2] * parts[2] + parts[3] * parts[3])
+    return np.array([part / length for part in parts])
 
 
 def matrix_of(quaternion: Array) -> Array:
@@ -37,13 +71,13 @@ def matrix_of(quaternion: Array) -> Array:
 
 def turn_onto(source: Array, target: Array) -> Array:
     """The smallest rotation matrix that carries unit vector `source` onto unit vector `target`."""
-    v, c = np.cross(source, target), float(np.dot(source, target))
+    v, c = np.cross(source, target), float(dot(source, target))
     if c < -1.0 + 1e-12:  # opposite: half a turn about any axis across
         axis = np.cross(source, np.eye(3)[np.argmin(np.abs(source))])
-        axis /= np.linalg.norm(axis)
-        return 2.0 * np.outer(axis, axis) - np.eye(3)
+        axis = unit(axis)
+        return 2.0 * axis[:, None] * axis - np.eye(3)
     cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    return np.eye(3) + cross + cross @ cross / (1.0 + c)
+    return np.eye(3) + cross + product(cross, cross) / (1.0 + c)
 
 
 def best_fit(body: Array, world: Array) -> Array:
@@ -54,5 +88,10 @@ def best_fit(body: Array, world: Array) -> Array:
 
 def about_z(angle_rad: float) -> Array:
     """Rotation matrix about the vertical."""
-    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    c, s = math.cos(angle_rad), math.sin(angle_rad)
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def down_of(gravity: Array) -> Array:
+    """Direction of gravity, (3,); straight down where there is none."""
+    return unit(gravity) if np.any(gravity) else np.array([0.0, 0.0, -1.0])

@@ -6,7 +6,9 @@ import random
 from itertools import pairwise
 
 from sim_core.structure import NEIGHBOURS
-from sim_core.symmetry import GROUP, carrier
+from sim_core.symmetry import GROUP, REFERENCE_TC, REFERENCE_TO, carrier
+
+REFERENCE = {REFERENCE_TC: REFERENCE_TO, REFERENCE_TO: REFERENCE_TC}
 
 
 def next_face(here: str, before: str | None, used: set[int], want_mirror: bool, rng: random.Random) -> str:
@@ -24,6 +26,8 @@ def next_face(here: str, before: str | None, used: set[int], want_mirror: bool, 
 def walk(start: str, rolls: int, seed: int) -> list[str]:
     """Faces of a walk of `rolls` rolls: every gait another while there are others, at least one mirrored within three rolls.
 
+    From a face of the reference pair it begins with the reference roll.
+
     Walks are drawn until one of the first three rolls is mirrored (some draws have none).
     """
     rng = random.Random(seed)
@@ -31,7 +35,8 @@ def walk(start: str, rolls: int, seed: int) -> list[str]:
         faces, used = [start], set[int]()
         for _ in range(rolls):
             here, before = faces[-1], faces[-2] if len(faces) > 1 else None
-            faces.append(next_face(here, before, used, False, rng))
+            first = REFERENCE.get(here) if before is None else None
+            faces.append(first or next_face(here, before, used, False, rng))
             used.add(GROUP.index(carrier(here, faces[-1])))
         first = [carrier(a, b) for a, b in pairwise(faces[:4])]
         if rolls < 2 or any(not element.proper for element in first):

@@ -38,7 +38,7 @@ def command(
 ) -> None:
     """Print the table of the robot's numbers: value, unit, source, what it influences, meaning.
 
-    The column "flips" is the share of near-library policies whose roll succeeds or fails otherwise when this number alone is 10 % off.
+    The column "flips": share of policies near the library whose outcome changes when this number alone is 10 % off.
 
     sixstrut parameters
     sixstrut parameters --prototype mine.yaml --sensitivity

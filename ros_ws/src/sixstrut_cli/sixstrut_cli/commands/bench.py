@@ -1,0 +1,70 @@
+"""`sixstrut bench`: speed, accuracy and memory, side by side with MuJoCo."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sixstrut_cli.commands.options import JsonOption, PrototypeOption
+
+
+def command(
+    quick: Annotated[bool, typer.Option("--quick", help="Less than a minute, rougher figures; writes only to --output.")] = False,
+    threads: Annotated[
+        int | None,
+        typer.Option(min=1, help="Threads to measure besides one; default: 2, if there are two processors.", show_default=False),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Table to write, its picture goes to images/ beside it; default: docs/benchmark.md.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+    prototype: PrototypeOption = None,
+) -> None:
+    """Measure the solver beside MuJoCo: the same robot, the same policies, one run (about five minutes).
+
+    The first run installs MuJoCo into .sixstrut/, not into .venv. Leave the computer alone while it measures.
+    """
+    import importlib
+
+    from sim_core.model import build_model
+    from sim_core.parameters import load_prototype
+    from sixstrut_cli.bench import install, measure, report
+
+    root = os.environ.get("SIXSTRUT_ROOT")
+    if root is None or not (Path(root) / "requirements-bench.lock").is_file():
+        raise typer.BadParameter("the benchmark is in the repository: run ./sixstrut bench there")
+    path = output or (None if quick else Path(root) / "docs" / "benchmark.md")
+
+    def say(what: str) -> None:
+        typer.echo(what, err=True)
+
+    load = os.getloadavg()[0]
+    folder = install.make_importable(Path(root), say)
+    most = threads or min(2, os.cpu_count() or 1)
+    plan = measure.Plan(threads=tuple(dict.fromkeys((1, most))))
+    if quick:
+        plan = replace(plan, tasks=8, rounds=2, budget_s=0.1, memory_rolls=4)
+    robot = load_prototype(prototype)
+    tasks = measure.tasks_of(robot, plan.tasks, plan.seed)
+    speeds = measure.speeds(measure.engines_of(robot), measure.moments_of(tasks, plan.seed), plan, say)
+    accuracies, judged = measure.accuracies(robot, tasks, most, say)
+    memories = measure.memories(str(prototype) if prototype else None, plan, str(folder), say)
+    mujoco = importlib.import_module("mujoco").__version__
+    machine = report.this_machine(mujoco, load)
+    result = report.Report(machine, plan, build_model(robot).hash, speeds, judged, accuracies, memories)
+    picture = None if path is None else path.parent / "images" / f"{path.stem}.png"
+    if path is not None and picture is not None:
+        report.draw(result, picture)
+        path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
+        say(f"wrote {path} and {picture}")
+    typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
