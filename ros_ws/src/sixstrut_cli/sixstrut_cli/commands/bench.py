@@ -53,11 +53,12 @@ def command(
     most = threads or min(2, os.cpu_count() or 1)
     plan = measure.Plan(threads=tuple(dict.fromkeys((1, most))))
     if quick:
-        plan = replace(plan, tasks=8, rounds=2, budget_s=0.1, memory_rolls=4)
+        plan = replace(plan, tasks=8, rounds=2, budget_s=0.1, judged=64, memory_rolls=4)
     robot = load_prototype(prototype)
     tasks = measure.tasks_of(robot, plan.tasks, plan.seed)
     speeds = measure.speeds(measure.engines_of(robot), measure.moments_of(tasks, plan.seed), plan, say)
-    accuracies, judged = measure.accuracies(robot, tasks, most, say)
+    judged = measure.judged_rolls(robot, measure.tasks_of(robot, plan.judged, plan.seed), most, say)
+    accuracies = measure.accuracies(robot, tasks, most, say)
     memories = measure.memories(str(prototype) if prototype else None, plan, str(folder), say)
     mujoco = importlib.import_module("mujoco").__version__
     machine = report.this_machine(mujoco, load)
