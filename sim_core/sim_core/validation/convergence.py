@@ -1,0 +1,103 @@
+"""The time step's order, against solutions that share nothing with the kernel."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from sim_core import kernel as k
+from sim_core.elements import Array
+from sim_core.rotation import matrix_of
+from sim_core.validation.case import Case, Picture, Setting, curve
+from sim_core.validation.free_body import tumbling
+from sim_core.validation.reference import motion
+from sim_core.validation.stepping import Run, ready
+from sim_core.validation.structures import bodies
+
+STEPS = (200, 400, 800, 1600)
+ROBOT_S = 0.01
+TOP_INERTIA = np.array([1.0e-5, 2.0e-5, 2.7e-5])
+TOP_SPIN_RAD_S = np.array([0.5, 20.0, 1.0])
+TOP_S = 0.5
+
+
+def _order(steps: tuple[int, ...], errors: list[float]) -> float:
+    """Slope of log error over log step, all points."""
+    return float(-np.polyfit(np.log(steps), np.log(errors), 1)[0])
+
+
+def _picture(seconds: float, errors: list[float], label: str) -> Picture:
+    steps = [seconds / n for n in STEPS]
+    second = [errors[-1] * (step / steps[-1]) ** 2 for step in steps]
+    return Picture(
+        "time step (s)", label, (curve("order 2", steps, second), curve("solver", steps, errors, marks=True)), True, True
+    )
+
+
+def robot_order(setting: Setting) -> Case:
+    """The whole robot, shaking and tumbling, against an independent integration of independently derived forces."""
+    start = tumbling(setting.prototype)
+    e = start.model.elements
+    v, s = start.v.copy(), start.s.copy()
+    pushes = start.pushes()
+    v += 0.5 * start.particles_par[:, k.DT_M, None] * pushes[:, :3]
+    s += 0.5 * start.dt_s * pushes[:, 3:]
+    exact, turned = motion(e, e.strut_mid_m, (start.x.copy(), v, start.frames(), s), ROBOT_S)
+    errors, angles = [], []
+    for steps in STEPS:
+        run = Run(start.model, dt_s=ROBOT_S / steps)
+        run.v[:], run.s[:] = v, s
+        run.begin()
+        run.advance(steps)
+        errors.append(float(np.abs(run.x - exact).max()))
+        angles.append(float(np.abs(run.frames() - turned).max()))
+    return Case(
+        "order of the time step: whole robot",
+        f"Order with which the floating robot's positions after {ROBOT_S:g} s approach the exact motion as "
+        "the step is halved thrice.",
+        _order(STEPS, errors),
+        2.0,
+        "1",
+        0.1,
+        "forces by complex-step derivatives of the energy, DOP853 at 10⁻¹⁰",
+        relative=False,
+        note=f"Error at the finest step: {errors[-1]:.1e} m, rotations {angles[-1]:.1e} (order {_order(STEPS, angles):.2f}).",
+        picture=_picture(ROBOT_S, errors, "largest error of a particle (m)"),
+    )
+
+
+def euler_top(seconds: float) -> Array:
+    """Rotation matrix of the free asymmetric top: Euler's equations in body axes with the quaternion, DOP853 at 10⁻¹³."""
+
+    def rates(_: float, y: Array) -> Array:
+        w, q = y[:3], y[3:]
+        turning = -np.cross(w, TOP_INERTIA * w) / TOP_INERTIA
+        return np.concatenate([turning, 0.5 * np.array([-q[1:] @ w, *(q[0] * w + np.cross(q[1:], w))])])
+
+    begin = np.concatenate([TOP_SPIN_RAD_S, [1.0, 0.0, 0.0, 0.0]])
+    q = solve_ivp(rates, (0.0, seconds), begin, method="DOP853", rtol=1e-13, atol=1e-14, t_eval=[seconds]).y[3:, -1]
+    return np.asarray(matrix_of(q / np.linalg.norm(q)))
+
+
+def top_order(setting: Setting) -> Case:
+    """An asymmetric top near its unstable axis."""
+    model = ready(setting.prototype, bodies(setting.prototype, np.ones(12), np.tile(TOP_INERTIA, (12, 1)), np.zeros((5, 3))))
+    exact, errors = euler_top(TOP_S), []
+    for steps in STEPS:
+        run = Run(model, dt_s=TOP_S / steps)
+        run.s[:12] = TOP_INERTIA * TOP_SPIN_RAD_S
+        run.begin()
+        run.advance(steps)
+        errors.append(float(np.abs(run.frames()[0] - exact).max()))
+    return Case(
+        "order of the time step: asymmetric top",
+        f"Order with which the attitude of a free top spun about its middle axis after {TOP_S:g} s approaches Euler's equations.",
+        _order(STEPS, errors),
+        2.0,
+        "1",
+        0.1,
+        "I ω̇ = −ω × I ω in body axes, DOP853 at 10⁻¹³",
+        relative=False,
+        note=f"Error of the rotation matrix at the finest step: {errors[-1]:.1e}.",
+        picture=_picture(TOP_S, errors, "largest error of the rotation matrix"),
+    )
