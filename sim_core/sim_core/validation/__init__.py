@@ -77,9 +77,11 @@ TOPICS: tuple[Topic, ...] = (
             contact.restitution_at_own_step,
         ),
     ),
-    Topic("Time step: order", convergence, (convergence.robot_order, convergence.top_order)),
     Topic(
-        "Time step: stability",
+        "Motion, and the time step's order", convergence, (convergence.robot_motion, convergence.robot_order, convergence.top_order)
+    ),
+    Topic(
+        "The time step's limit",
         time_limit,
         (time_limit.limit_at_mid_stroke, time_limit.limit_at_shortest, time_limit.limit_on_the_ground),
     ),

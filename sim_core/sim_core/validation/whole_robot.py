@@ -66,7 +66,9 @@ def _frequency_with(prototype: Prototype, count: int) -> tuple[float, float]:
     strut's is.
     """
     fine = replace(prototype, strut_elements=count)
-    robot = Robot.resting_on(ready(fine, elements_of(fine)), REFERENCE_FACE)
+    # smooth ground has one rest; with friction it would depend a little on the way there
+    smooth = replace(elements_of(fine), friction=np.zeros(2))
+    robot = Robot.resting_on(ready(fine, smooth), REFERENCE_FACE)
     e = robot.model.elements
     inertia = e.inertia_kg_m2.copy()
     inertia[k.JOINTS : -1] *= 1e-3
@@ -94,7 +96,7 @@ def elements_per_strut(setting: Setting) -> Case:
         0.15,
         "1/f² goes with the inertia, and a strut of n lumped elements has (mL²/12)(1 + 2/n²), three times the rod's for n = 1",
         relative=False,
-        note="First frequency by elements per strut: "
+        note="First frequency by elements per strut, on smooth ground: "
         + ", ".join(f"{n}: {value:.4f} Hz" for n, value in zip(COUNTS, f, strict=True))
         + f"; extrapolated {limit:.4f} Hz. Lumped inertia / (mL²/12): "
         + ", ".join(f"{n}: {ratio:.4f}" for n, (_, ratio) in zip(COUNTS, found, strict=True))
@@ -202,7 +204,7 @@ def lanes(setting: Setting) -> Case:
         f"lanes and runs alone, {steps} steps.",
         float(different),
         0.0,
-        "numbers",
+        "1",
         0.0,
         "equality",
         relative=False,
