@@ -11,20 +11,20 @@ from sixstrut_cli.pictures import STRUT_COLORS, new_figure
 MARKERS = "os^Dv"
 
 
-def number(value: float) -> str:
-    """A measured number for people: six significant digits, a plain zero."""
-    return "0" if value == 0.0 else f"{value:.6g}"
+def number(value: float, digits: int = 6) -> str:
+    """A measured number for people; a plain zero."""
+    return "0" if value == 0.0 else f"{value:.{digits}g}"
 
 
 def with_unit(value: float, unit: str) -> str:
     return number(value) if unit == "1" else f"{number(value)} {unit}"
 
 
-def allowed(case: Case) -> str:
+def allowed(case: Case, unit: bool = True) -> str:
     """The tolerance, as it is meant."""
-    if not case.relative:
-        return f"± {with_unit(case.tolerance, case.unit)}"
-    return f"± {100.0 * case.tolerance:g} %"
+    if case.relative:
+        return f"± {100.0 * case.tolerance:g} %"
+    return f"± {with_unit(case.tolerance, case.unit if unit else '1')}"
 
 
 def found(case: Case) -> str:

@@ -29,7 +29,7 @@ def command(
         typer.Option(
             "--output",
             "-o",
-            help="Page to write, with pictures in images/ beside it. With --only: none, unless given.",
+            help="Page to write, with pictures in images/ beside it. With --only or --prototype: none, unless given.",
             show_default="docs/validation.md",
         ),
     ] = None,
@@ -55,7 +55,7 @@ def command(
     chosen = [name for name in CASES if only is None or only in name or fnmatch(name, only)]
     if not chosen:
         raise typer.BadParameter(f"no case matches {only!r}: valid are {', '.join(CASES)}", param_hint="--only")
-    if output is None and only is None:
+    if output is None and only is None and prototype is None:
         output = _default_page()
     setting = Setting(load_prototype(prototype))
     model = build_model(setting.prototype)
@@ -128,5 +128,5 @@ def _print_table(results: dict[str, Case]) -> None:
         table.add_column(column, justify="right" if column in ("measured", "reference", "tolerance") else "left", overflow="fold")
     for name, case in results.items():
         verdict = "holds" if case.passed else "[red]FAILS[/red]"
-        table.add_row(name, number(case.measured), number(case.reference), case.unit, allowed(case), verdict)
+        table.add_row(name, number(case.measured, 5), number(case.reference, 5), case.unit, allowed(case, unit=False), verdict)
     Console().print(table)
