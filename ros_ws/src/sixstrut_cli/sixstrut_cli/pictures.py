@@ -124,6 +124,7 @@ def session_picture(session: Session, replay: Replay, path: Path) -> None:
     apart.set_xlabel("robot time (s)")
     apart.set_ylabel("twin to prototype, centres (mm)")
     apart.set_ylim(bottom=0)
+    apart.set_xlim(left=0)
     apart.grid(color="0.9")
     figure.suptitle(f"{session.path.name}, {replay.times_s[-1]:.0f} s of robot time")
     figure.savefig(path, dpi=110)
