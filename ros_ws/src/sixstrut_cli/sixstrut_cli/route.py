@@ -35,8 +35,8 @@ def walk(start: str, rolls: int, seed: int) -> list[str]:
         faces, used = [start], set[int]()
         for _ in range(rolls):
             here, before = faces[-1], faces[-2] if len(faces) > 1 else None
-            first = REFERENCE.get(here) if before is None else None
-            faces.append(first or next_face(here, before, used, False, rng))
+            reference = REFERENCE.get(here) if before is None else None
+            faces.append(reference or next_face(here, before, used, False, rng))
             used.add(GROUP.index(carrier(here, faces[-1])))
         first = [carrier(a, b) for a, b in pairwise(faces[:4])]
         if rolls < 2 or any(not element.proper for element in first):
