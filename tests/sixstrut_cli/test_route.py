@@ -25,8 +25,15 @@ def test_the_same_seed_gives_the_same_walk():
     assert walk("TC6", 20, 5) == walk("TC6", 20, 5) != walk("TC6", 20, 6)
 
 
-def test_one_roll_is_a_walk_too():
-    assert len(walk("TO3", 1, 1)) == 2
+@pytest.mark.parametrize("start", FACES)
+def test_short_walks_end_too(start):
+    assert len(walk(start, 1, 1)) == 2
+    assert len(walk(start, 2, 1)) == 3
+
+
+def test_a_walk_from_the_reference_face_begins_with_the_reference_roll():
+    assert walk("TC6", 3, 4)[:2] == ["TC6", "TO5"]
+    assert walk("TO5", 3, 4)[:2] == ["TO5", "TC6"]
 
 
 def test_a_mirrored_gait_is_preferred_when_wanted():

@@ -8,6 +8,7 @@ from itertools import pairwise
 from sim_core.structure import NEIGHBOURS
 from sim_core.symmetry import GROUP, REFERENCE_TC, REFERENCE_TO, carrier
 
+DRAWS = 50
 REFERENCE = {REFERENCE_TC: REFERENCE_TO, REFERENCE_TO: REFERENCE_TC}
 
 
@@ -28,10 +29,10 @@ def walk(start: str, rolls: int, seed: int) -> list[str]:
 
     From a face of the reference pair it begins with the reference roll.
 
-    Walks are drawn until one of the first three rolls is mirrored (some draws have none).
+    Walks are drawn until one of the first three rolls is mirrored; some draws have none, and some walks of two rolls cannot.
     """
     rng = random.Random(seed)
-    while True:
+    for _ in range(DRAWS):
         faces, used = [start], set[int]()
         for _ in range(rolls):
             here, before = faces[-1], faces[-2] if len(faces) > 1 else None
@@ -39,5 +40,6 @@ def walk(start: str, rolls: int, seed: int) -> list[str]:
             faces.append(reference or next_face(here, before, used, False, rng))
             used.add(GROUP.index(carrier(here, faces[-1])))
         first = [carrier(a, b) for a, b in pairwise(faces[:4])]
-        if rolls < 2 or any(not element.proper for element in first):
-            return faces
+        if any(not element.proper for element in first):
+            break
+    return faces
