@@ -19,12 +19,16 @@ from sim_core.validation.stepping import Run
 
 SPIN_RAD_S = np.array([1.0, -2.0, 3.0])
 DRIFT_M_S = np.array([0.03, -0.02, 0.01])
+OWN_SPIN_RAD_S = 50.0
 FULL_STEPS, SHORT_STEPS = 1_000_000, 100_000
 ENERGY_S = 10.0
 
 
-def tumbling(prototype: Prototype, shake_m_s: float = 0.02) -> Run:
-    """The robot, floating free: it drifts, tumbles and shakes, and no two principal inertias of its particles are equal."""
+def tumbling(prototype: Prototype, shake_m_s: float = 0.02, own_spin_rad_s: float = 0.0) -> Run:
+    """The robot, floating free: it drifts, tumbles and shakes, and no two principal inertias of its particles are equal.
+
+    Args: own_spin_rad_s: every particle spins by itself as fast as that, so that struts bend and twist, out of one plane.
+    """
     free = replace(
         prototype,
         gravity_m_s2=0.0,
@@ -36,6 +40,7 @@ def tumbling(prototype: Prototype, shake_m_s: float = 0.02) -> Run:
     e, frames = run.model.elements, run.frames()
     run.v[:] = DRIFT_M_S + np.cross(SPIN_RAD_S, run.x) + shake_m_s * rng.uniform(-1.0, 1.0, run.x.shape)
     run.s[:] = np.einsum("nij,nj,nkj,k->ni", frames, e.inertia_kg_m2, frames, SPIN_RAD_S)
+    run.s += e.inertia_kg_m2 * rng.uniform(-own_spin_rad_s, own_spin_rad_s, run.s.shape)
     run.begin()
     return run
 
@@ -49,7 +54,7 @@ class _Kept(NamedTuple):
 @lru_cache(maxsize=2)
 def _momenta(setting: Setting) -> _Kept:
     """Relative change of both momenta over the run."""
-    run, mass = tumbling(setting.prototype), None
+    run = tumbling(setting.prototype, own_spin_rad_s=OWN_SPIN_RAD_S)
     mass = run.model.elements.mass_kg[:, None]
 
     def momenta() -> tuple[Array, Array]:
