@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
@@ -99,9 +100,29 @@ class Operator:
         heard = ((message.seq, message.robot_time_ns) for message in self.sent[-1000:])
         return twin is not None and (twin.last_seq, twin.robot_time_ns) in heard
 
+    def is_quiet(self) -> bool:
+        """The last that was seen of the robot is that it rests, and nothing was written since."""
+        writes = [message.seq for message in self.sent if not message.heartbeat]
+        return bool(self.face.settled and self.face.face and (not writes or self.face.seq > writes[-1]))
+
     def sees(self, state: str, limit_s: float = 30.0) -> None:
         """Wait for a state of the bridge."""
         wait_until(lambda: self.bridge.state == state, limit_s, f"{state} (now {self.bridge.state}: {self.bridge.reason})")
+
+    def moves(self, handle: Any, stroke_m: float) -> None:
+        """Wait until a roll or motion has brought the struts this far from neutral; fail with its result if it ends before."""
+        result = self._from_executor(handle.get_result_async)
+        wait_until(lambda: self.stroke_m() > stroke_m or result.done(), 30.0, f"motion ({self.feedback})")
+        assert not result.done(), result.result()
+
+    def wrote_since(self, began_ns: int) -> bool:
+        """Whether anything was written to the board since then, as the stream tells it up to now."""
+        now_ns = self.now_ns()
+        wait_until(lambda: self.sent and _stamp_ns(self.sent[-1]) > now_ns, 20.0, "the next heartbeat")
+        return any(_stamp_ns(message) > began_ns and not message.heartbeat for message in self.sent)
+
+    def now_ns(self) -> int:
+        return self.node.get_clock().now().nanoseconds
 
     def stroke_m(self) -> float:
         """How far the struts are from neutral, as far as is known."""
@@ -129,7 +150,7 @@ class Operator:
         self.feedback.clear()
         wait_until(self._roll.server_is_ready, START_LIMIT_S, "the planner")
         goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive)
-        return self._result(self._roll.send_goal_async(goal, feedback_callback=self._on_feedback), "the answer to roll")
+        return self._send(self._roll, goal, "the answer to roll", self._on_feedback)
 
     def _on_feedback(self, message: Any) -> None:
         if not self.feedback or self.feedback[-1] != message.feedback.phase:
@@ -137,14 +158,14 @@ class Operator:
 
     def end(self, handle: Any, limit_s: float = 60.0) -> Any:
         """The result of an action, with its status."""
-        return self._result(handle.get_result_async(), "the end of the action", limit_s)
+        return self._result(self._from_executor(handle.get_result_async), "the end of the action", limit_s)
 
     def roll(self, target: str, source: str = "", primitive: str = "") -> Any:
         """The result of a whole roll."""
         return self.end(self.begin_roll(target, source, primitive)).result
 
     def cancel(self, handle: Any) -> Any:
-        return self._result(handle.cancel_goal_async(), "the answer to cancel")
+        return self._result(self._from_executor(handle.cancel_goal_async), "the answer to cancel")
 
     def begin_motion(self, *knots: tuple[float, list[float]], lease: str = "", age_s: float = 0.0, names: Any = None) -> Any:
         """The goal handle of a motion of the struts; knots are (time in s, six rest lengths in m)."""
@@ -157,12 +178,23 @@ class Operator:
             trajectory.points.append(point)
         wait_until(self._struts.server_is_ready, START_LIMIT_S, "execute_struts")
         goal = ExecuteStruts.Goal(trajectory=trajectory, lease=lease)
-        return self._result(self._struts.send_goal_async(goal), "the answer to execute_struts")
+        return self._send(self._struts, goal, "the answer to execute_struts")
 
     def move(self, *knots: tuple[float, list[float]], **options: Any) -> Any:
         """The result of a whole motion of the struts."""
         return self.end(self.begin_motion(*knots, **options)).result
 
+    def _send(self, client: ActionClient, goal: Any, what: str, on_feedback: Any = None) -> Any:
+        return self._result(self._from_executor(lambda: client.send_goal_async(goal, feedback_callback=on_feedback)), what)
+
+    def _from_executor(self, ask: Callable[[], Any]) -> Any:
+        """Ask in the executor's thread: from another, the answer may come before rclpy knows that somebody waits for it."""
+        return self._result(self._executor.create_task(ask), "the executor's attention")
+
     def _result(self, future: Any, what: str, limit_s: float = ANSWER_LIMIT_S) -> Any:
         wait_until(future.done, limit_s, what)
         return future.result()
+
+
+def _stamp_ns(message: Any) -> int:
+    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec

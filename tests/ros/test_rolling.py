@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import signal
+
 import pytest
 from action_msgs.msg import GoalStatus
 
-from tensegrity_interfaces.msg import BridgeState
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, SetFace
 from tests.ros.processes import wait_until
 
@@ -16,10 +18,11 @@ ARM_CALL = 'ros2 service call /arm tensegrity_interfaces/srv/Arm "{lifted_and_cl
 
 @pytest.fixture(scope="module")
 def stack(module_processes):
-    """The whole stack on a virtual prototype without errors of its own, sixteen times as fast as life."""
-    prototype = module_processes.start("virtual_prototype", "--time-scale", "16", "--perturbation", "0")
-    for node in ("twin", "gait_planner", "hardware_bridge"):
-        module_processes.start(node)
+    """The whole stack on a virtual prototype without errors of its own, twelve times as fast as life."""
+    prototype = module_processes.start("virtual_prototype", "--time-scale", "12", "--perturbation", "0")
+    module_processes.start("twin")
+    module_processes.start("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
+    module_processes.start("hardware_bridge")
     prototype.says("ready")
     return module_processes
 
@@ -44,15 +47,12 @@ def robot(stack_operator):
     stack_operator.sees(BridgeState.DISARMED)
 
 
-def moves(operator) -> int:
-    return sum(not message.heartbeat for message in operator.sent)
-
-
 def test_a_roll_of_a_disarmed_robot_names_the_call_that_arms(robot):
+    began = robot.now_ns()
     result = robot.roll("TO5")
     assert not result.success
     assert result.reason == f"the robot is not armed: {ARM_CALL}"
-    assert moves(robot) == 0
+    assert not robot.wrote_since(began)
 
 
 def test_arming_needs_the_operators_word(robot):
@@ -97,22 +97,22 @@ def test_a_whole_roll_is_seen_to_land_and_the_next_starts_where_it_ended(robot):
 def test_an_impossible_roll_is_refused_naming_what_is_valid(robot, goal, why):
     robot.arm()
     wait_until(lambda: robot.face.face == "TC6", 10.0, "TC6")
-    before = moves(robot)
+    began = robot.now_ns()
     answer = robot.end(robot.begin_roll(**goal))
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert why in answer.result.reason
-    assert moves(robot) == before
+    assert not robot.wrote_since(began)
 
 
 def test_a_command_without_the_lease_is_refused(robot):
     nobody = robot.move((1.0, NEUTRAL))
     assert nobody.reason == "lease (none) refused: nobody holds a lease; arm first"
     robot.arm()
-    before = moves(robot)
+    began = robot.now_ns()
     guessed = robot.move((1.0, [0.240] * 6), lease="0123456789abcdef")
     assert not guessed.success
     assert guessed.reason == "lease 0123456789abcdef refused: test holds another one"
-    assert moves(robot) == before
+    assert not robot.wrote_since(began)
 
 
 @pytest.fixture
@@ -140,16 +140,16 @@ def commander(robot):
     ],
 )
 def test_a_motion_outside_the_limits_is_refused_whole(commander, knots, options, why):
-    before = moves(commander)
+    began = commander.now_ns()
     result = commander.move(*knots, lease=commander.lease, **options)
     assert not result.success
     assert why in result.reason
-    assert moves(commander) == before
+    assert not commander.wrote_since(began)
 
 
 def test_a_silent_commander_loses_the_lease_and_the_struts_hold(commander):
     handle = commander.begin_motion((100.0, [0.244] * 6), lease=commander.lease)
-    wait_until(lambda: commander.stroke_m() > 0.0001, 10.0, "motion")
+    commander.moves(handle, 0.0001)
     commander.lease = ""
     answer = commander.end(handle)
     assert answer.status == GoalStatus.STATUS_ABORTED
@@ -165,7 +165,7 @@ def test_a_cancelled_roll_holds_the_struts_and_the_next_returns_to_neutral_first
     source = robot.face.face
     target = "TO5" if source == "TC6" else "TC6"
     handle = robot.begin_roll(target)
-    wait_until(lambda: robot.stroke_m() > 0.005, 20.0, "motion")
+    robot.moves(handle, 0.005)
     assert len(robot.cancel(handle).goals_canceling) == 1
     answer = robot.end(handle)
     assert answer.status == GoalStatus.STATUS_CANCELED
@@ -175,14 +175,14 @@ def test_a_cancelled_roll_holds_the_struts_and_the_next_returns_to_neutral_first
     assert list(last[0].pulse_us) == list(last[1].pulse_us)
     wait_until(lambda: robot.twin.at_rest and robot.face.settled and robot.face.face, 20.0, "rest on a face")
     answer = robot.end(robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6"))
-    assert robot.feedback[0] == "going to neutral lengths", robot.feedback
+    assert robot.feedback[0].endswith("neutral lengths"), robot.feedback
     assert answer.result.success, answer.result.reason
 
 
 def test_stop_fails_the_running_roll_and_latches(robot):
     robot.arm()
     handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
-    wait_until(lambda: robot.stroke_m() > 0.002, 20.0, "motion")
+    robot.moves(handle, 0.002)
     assert robot.trigger("stop").success
     answer = robot.end(handle)
     assert answer.status == GoalStatus.STATUS_ABORTED
@@ -201,14 +201,15 @@ def test_a_face_can_be_told_and_goes_into_the_event_stream(robot):
     assert not wrong.success
     assert "TC1 to TC8" in wrong.message
     assert not robot.call("set_face", SetFace.Request(face="TC1", source="predicted")).success
-    answer = robot.call("set_face", SetFace.Request(face="TC1"))
-    assert answer.success
-    wait_until(lambda: robot.face.source == "operator", 10.0, "the face")
-    assert robot.face.face == "TC1"
-    wait_until(lambda: robot.twin.face == "TC1", 10.0, "the twin on TC1")
-    there = robot.call("set_face", SetFace.Request(face="TC6"))
-    assert there.success
-    wait_until(lambda: robot.twin.face == "TC6", 10.0, "the twin on TC6")
+    told, twin = [], []
+    robot.node.create_subscription(FaceObservation, "bridge/face", lambda m: told.append((m.face, m.source)), 50)
+    robot.node.create_subscription(TwinState, "twin/state", lambda m: twin.append(m.face), 50)
+    wait_until(lambda: twin and robot.twin.at_rest and robot.is_quiet(), 30.0, "rest")
+    assert robot.call("set_face", SetFace.Request(face="TC1")).success
+    wait_until(lambda: ("TC1", "operator") in told, 10.0, "the face")
+    wait_until(lambda: "TC1" in twin, 10.0, "the twin on TC1")
+    assert robot.call("set_face", SetFace.Request(face="TC6")).success
+    wait_until(lambda: "TC6" in twin[twin.index("TC1") :], 10.0, "the twin on TC6")
 
 
 def test_a_twin_that_is_started_again_joins_where_the_robot_stands(stack, robot):
@@ -225,10 +226,22 @@ def test_a_twin_that_is_started_again_joins_where_the_robot_stands(stack, robot)
     assert late.first_seq > first
 
 
+def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):
+    robot.arm()
+    handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
+    robot.moves(handle, 0.002)
+    planner = next(process for process in stack._started if process.name == "gait_planner")
+    planner.signal(signal.SIGTERM)
+    assert planner.ends() == 0
+    wait_until(lambda: robot.bridge.state == BridgeState.HOLD, 0.9, "HOLD before the lease falls silent")
+    assert robot.bridge.reason == "cancelled by its commander"
+    stack.start("gait_planner", settle_timeout_s=200.0).says("library first")
+
+
 def test_a_roll_of_a_bridge_that_died_ends_with_the_reason(stack, robot):
     robot.arm()
     handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
-    wait_until(lambda: robot.stroke_m() > 0.002, 20.0, "motion")
+    robot.moves(handle, 0.002)
     bridge = next(process for process in stack._started if process.name == "hardware_bridge")
     bridge.kill()
     answer = robot.end(handle)

@@ -13,6 +13,7 @@ from rclpy.action.server import ServerGoalHandle
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
+from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Header
@@ -28,8 +29,9 @@ from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, 
 from tensegrity_interfaces.srv import Arm, Disarm
 from tensegrity_robot import qos
 from tensegrity_robot.errors import RollRefused, StartError
+from tensegrity_robot.filters import EventTimes
 from tensegrity_robot.knots import Knot, constant_speed_knots
-from tensegrity_robot.messages import STRUT_NAMES
+from tensegrity_robot.messages import STRUT_NAMES, nanoseconds
 from tensegrity_robot.parameters import declare_parameters, parameter
 from tensegrity_robot.process import End, run
 from tensegrity_robot.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View
@@ -41,6 +43,8 @@ SILENT_S = 3.0
 CALL_TIMEOUT_S = 3.0
 """Longest wait for an answer of the bridge."""
 CALL_POLL_S = 0.05
+LONG_AGO = -1
+"""Robot time of what was seen under an earlier bridge."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +56,7 @@ class PlannerParameters:
     confirm: str = parameter(
         "observed", "what a roll's outcome needs: an observed face, or the twin's prediction", choices=("observed", "predicted")
     )
-    settle_timeout_s: float = parameter(20.0, "longest wait for rest after a motion [s of robot time]", low=1.0, high=600.0)
+    settle_timeout_s: float = parameter(30.0, "longest wait for rest after a motion [s of robot time]", low=1.0, high=600.0)
     confirm_timeout_s: float = parameter(
         60.0, "longest wait for set_face where nobody observes all the time [s of robot time]", low=1.0, high=3600.0
     )
@@ -65,6 +69,7 @@ class _Running:
         self.goal = goal
         self.sequence = sequence
         self.begun = False
+        self.asked_at = time.monotonic()
         self.gait: Gait | None = None
         self.done: Future = Future()
         self.motion: Any = None
@@ -97,8 +102,11 @@ class GaitPlannerNode(Node):
         self._bridge_heard = 0.0
         self._sent: StrutsSent | None = None
         self._twin: TwinState | None = None
+        self._twin_newest: TwinState | None = None
         self._observed: FaceObservation | None = None
         self._observer = False
+        self._events = EventTimes()
+        self._renewed = False
         self._lease = ""
         self._holder = ""
         self._lease_seen = False
@@ -106,7 +114,8 @@ class GaitPlannerNode(Node):
         self._roll: _Running | None = None
 
         self.create_subscription(BridgeState, "bridge/state", self._on_bridge_state, qos.LATCHED)
-        self.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, qos.STATES)
+        found = SubscriptionEventCallbacks(matched=self._on_bridge_found)
+        self.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, qos.STATES, event_callbacks=found)
         self.create_subscription(FaceObservation, "bridge/face", self._on_face, qos.FACES)
         self.create_subscription(TwinState, "twin/state", self._on_twin, qos.STATES)
         self._proof = self.create_publisher(LeaseProof, "bridge/lease", qos.STATES)
@@ -153,20 +162,38 @@ class GaitPlannerNode(Node):
             self.get_logger().warning(f"the lease is lost: {_why(message)}")
         self._look()
 
+    def _on_bridge_found(self, change: QoSSubscriptionMatchedInfo) -> None:
+        self._renewed = self._renewed or change.current_count_change > 0
+
     def _on_sent(self, message: StrutsSent) -> None:
-        self._sent = message
+        before = self._sent
+        if before is not None and (self._renewed or message.robot_time_ns < before.robot_time_ns):
+            self._forget_times(before)
+        self._sent, self._renewed = message, False
+        self._events.add(message.seq, message.robot_time_ns)
+
+    def _forget_times(self, before: StrutsSent) -> None:
+        """Another bridge, another clock: what was known stays known, but nothing of it is newer than a motion of now."""
+        self._events, self._twin = EventTimes(), None
+        seen = self._observed
+        if seen is not None and nanoseconds(seen.header.stamp) <= nanoseconds(before.header.stamp):
+            seen.robot_time_ns = LONG_AGO
 
     def _on_face(self, message: FaceObservation) -> None:
         self._observed = message
+        self._events.add(message.seq, message.robot_time_ns)
         if message.source in (FaceObservation.SOURCE_PROTOTYPE, FaceObservation.SOURCE_EXTERNAL):
             self._observer = True
         self._look()
 
     def _on_twin(self, message: TwinState) -> None:
-        self._twin = message
+        self._twin_newest = message
         self._look()
 
     def _view(self) -> View:
+        newest = self._twin_newest
+        if newest is not None and self._events.has(newest.last_seq, newest.robot_time_ns):
+            self._twin = newest  # it follows this bridge, and no further than we know ourselves
         sent, twin, seen = self._sent, self._twin, self._observed
         return View(
             robot_time_ns=sent.robot_time_ns if sent else 0,
@@ -179,7 +206,7 @@ class GaitPlannerNode(Node):
     def _trouble(self) -> str:
         """Why the struts may not be moved; nothing if they may, or may soon."""
         state = self._bridge
-        if state is None or time.monotonic() - self._bridge_heard > SILENT_S:
+        if state is None or self._silent():
             return "the hardware bridge is silent: start it (ros2 run tensegrity_robot hardware_bridge)"
         if not state.port:
             return f"the bridge has no port: {state.reason}"
@@ -192,6 +219,9 @@ class GaitPlannerNode(Node):
             because = f" ({state.reason})" if state.reason else ""
             return f"the robot is not armed{because}: {self._arm_call()}"
         return ""
+
+    def _silent(self) -> bool:
+        return self._bridge is None or time.monotonic() - self._bridge_heard > SILENT_S
 
     def _homing(self) -> bool:
         """Homing goes on, or is about to: `arm` may answer before the bridge's state says so."""
@@ -335,6 +365,9 @@ class GaitPlannerNode(Node):
     # ---- the roll's steps -------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
+        if self._lease and self._silent():
+            self._lease = ""
+            self.get_logger().warning("the lease is lost: the hardware bridge is silent")
         self._look()
         roll = self._roll
         if roll is None or roll.done.done():
@@ -363,6 +396,8 @@ class GaitPlannerNode(Node):
         roll = self._roll
         if roll is None or roll.done.done():
             return
+        if not roll.begun and self._silent() and time.monotonic() - roll.asked_at < CALL_TIMEOUT_S:
+            return  # a bridge just started is heard of later than a goal
         trouble = self._trouble()
         if trouble:
             self._end_with(roll, trouble)

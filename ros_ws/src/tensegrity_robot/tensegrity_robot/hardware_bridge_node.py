@@ -210,6 +210,7 @@ class HardwareBridgeNode(LifecycleNode):
                 self.get_logger().warning(NO_PROTOTYPE)
             return None
         if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
+            self._hinted = False  # from now on its life is the operator's
             self.trigger_activate()
             return None
         ended_meanwhile = isinstance(self._failure, PortMissing) and not self._settings.port
