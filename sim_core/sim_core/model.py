@@ -12,8 +12,9 @@ from sim_core import kernel as k
 from sim_core.elements import IMPROVED, KINDS, Array, Elements, elements_of, previous_elements_of
 from sim_core.errors import ModelError, UnstableStepError
 from sim_core.parameters import Prototype
-from sim_core.rotation import norm
+from sim_core.rotation import norm, rotated
 from sim_core.stability import largest_stable_step_s
+from sim_core.structure import TENDONS
 
 STEP_MARGIN = 0.97
 """A time step above this share of the stability limit is refused."""
@@ -69,11 +70,14 @@ class Model:
         return self.elements.strut_mid_m + self.elements.strut_gain * (commanded - nominal)
 
 
-def build_model(prototype: Prototype, elements: Elements | None = None, kind: str = IMPROVED) -> Model:
+def build_model(
+    prototype: Prototype, elements: Elements | None = None, kind: str = IMPROVED, *, allow_slack: bool = False
+) -> Model:
     """Check the elements (default: those of the prototype, for the paper's improved or previous model) and make the model.
 
     Raises:
-        ModelError: a mass, stiffness or point that is not finite or not positive, a cable to a missing particle.
+        ModelError: a mass, stiffness or point that is not finite or not positive, a cable to a missing particle,
+            a slack self-stress (which `allow_slack` permits, for bodies that are no tensegrity).
         UnstableStepError: the time step is beyond the model's limit; names both.
     """
     if kind not in KINDS:
@@ -81,6 +85,8 @@ def build_model(prototype: Prototype, elements: Elements | None = None, kind: st
     if elements is None:
         elements = elements_of(prototype) if kind == IMPROVED else previous_elements_of(prototype)
     _check(elements)
+    if not allow_slack:
+        _require_taut(elements)
     topology = k.Topology(
         np.ascontiguousarray(np.column_stack([elements.beam_ends, elements.beam_strut]).astype(np.int32)),
         np.ascontiguousarray(elements.cable_ends),
@@ -124,6 +130,23 @@ def _check(elements: Elements) -> None:
         if len(wrong):
             row = int(wrong[0][0])
             raise ModelError(f"{name}[{row}] = {table[row].tolist()}: valid particles are 0..{particles - 1}")
+
+
+def _require_taut(e: Elements) -> None:
+    """A tensegrity stands by its prestress: every rope is stretched in the ideal shape."""
+    at = [
+        e.position_m[p] + rotated(e.frame[p], point)
+        for p, point in zip(e.cable_ends.T, (e.cable_point_1_m, e.cable_point_2_m), strict=True)
+    ]
+    length = norm(at[1] - at[0])
+    slack = np.flatnonzero(e.cable_rest_m >= length)
+    if len(slack):
+        c = int(slack[0])
+        name = f"tendon T{c + 1}" if c < len(TENDONS) else f"box rope {c + 1 - len(TENDONS)}"
+        raise ModelError(
+            f"the self-stress is slack: {name} has rest length {e.cable_rest_m[c]:.4g} m over {length[c]:.4g} m; "
+            "valid is a rest length below the distance in the ideal shape"
+        )
 
 
 def _rows(e: Elements) -> Array:

@@ -24,6 +24,8 @@ def changed(array, index, value):
         ("cable_ends", (2, 1), 99, r"cable_ends\[2\] = .*99.*valid particles are 0\.\.12"),
         ("inertia_kg_m2", (1, 2), np.nan, "inertia_kg_m2 holds a value that is not finite"),
         ("friction", 0, -0.1, "friction .* zero or more"),
+        ("cable_rest_m", 4, 0.3, r"the self-stress is slack: tendon T5 has rest length 0\.3 m over 0\.12"),
+        ("cable_rest_m", 30, 0.3, "the self-stress is slack: box rope 7"),
     ],
 )
 def test_a_bad_model_dies_at_construction_with_the_offending_value(prototype, field, index, value, message):

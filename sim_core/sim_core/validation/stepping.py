@@ -42,10 +42,10 @@ def _record(state, par, work, topology, dt, zeta, reach, every, states):
 def ready(prototype: Prototype, elements: Elements, slower: float = 1.0) -> Model:
     """A model of these elements at the largest time step that `build_model` accepts, divided by `slower`."""
     try:
-        build_model(prototype, _at(elements, 1))
+        build_model(prototype, _at(elements, 1), allow_slack=True)
     except UnstableStepError as error:
-        return build_model(prototype, _at(elements, int(np.ceil(slower / (STEP_MARGIN * error.limit_s)))))
-    return build_model(prototype, _at(elements, int(np.ceil(slower))))
+        return build_model(prototype, _at(elements, int(np.ceil(slower / (STEP_MARGIN * error.limit_s)))), allow_slack=True)
+    return build_model(prototype, _at(elements, int(np.ceil(slower))), allow_slack=True)
 
 
 def _at(elements: Elements, steps_per_second: int) -> Elements:
