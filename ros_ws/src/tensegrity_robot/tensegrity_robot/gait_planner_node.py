@@ -40,6 +40,7 @@ LEASE_PERIOD_S = 0.1
 TICK_S = 0.1
 SILENT_S = 3.0
 """A bridge that publishes no state for this long is gone; it does at 2 Hz."""
+FRESH_S = 1.5
 CALL_TIMEOUT_S = 3.0
 """Longest wait for an answer of the bridge."""
 CALL_POLL_S = 0.05
@@ -262,7 +263,10 @@ class GaitPlannerNode(Node):
         return answer
 
     async def _call(self, client: Any, request: Any) -> Any:
-        """The answer of a service, or None after `CALL_TIMEOUT_S`; a service not discovered yet is waited for as long."""
+        """The answer of a service of the bridge, or None after `CALL_TIMEOUT_S`.
+
+        Asked as soon as the bridge itself is heard: a service also seems ready for seconds after its bridge was killed.
+        """
         answered: Future = Future()
         until = time.monotonic() + CALL_TIMEOUT_S
         asked: list[Future] = []
@@ -272,7 +276,7 @@ class GaitPlannerNode(Node):
                 return
             if time.monotonic() > until:
                 answered.set_result(None)
-            elif not asked and client.service_is_ready():
+            elif not asked and client.service_is_ready() and time.monotonic() - self._bridge_heard < FRESH_S:
                 asked.append(client.call_async(request))
                 asked[0].add_done_callback(lambda done: answered.done() or answered.set_result(done.result()))
 
