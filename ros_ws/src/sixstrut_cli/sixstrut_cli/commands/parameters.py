@@ -89,7 +89,7 @@ def _print_table(entries: Iterable[Entry], found: dict[str, Influence] | None) -
 
     table = Table(title="The robot's parameters")
     for column in ("parameter", "value", "unit", "source", "flips", "meaning"):
-        table.add_column(column, justify="right" if column in ("value", "flips") else "left", overflow="fold")
+        table.add_column(column, justify="right" if column in ("value", "flips") else "left", overflow="fold", no_wrap=column == "parameter")
     for entry in entries:
         values = entry.value if isinstance(entry.value, tuple) else (entry.value,)
         unique = values if len(set(values)) > 1 else values[:1]
