@@ -84,19 +84,20 @@ def _computed(robot: Prototype, keep: bool) -> dict[str, Influence]:
 
 
 def _print_table(entries: Iterable[Entry], found: dict[str, Influence] | None) -> None:
+    """One line a number, its meaning indented below: readable at any width."""
     from rich.console import Console
-    from rich.table import Table
+    from rich.padding import Padding
 
-    table = Table(title="The robot's parameters")
-    for column in ("parameter", "value", "unit", "source", "flips", "meaning"):
-        table.add_column(column, justify="right" if column in ("value", "flips") else "left", overflow="fold", no_wrap=column == "parameter")
+    console = Console(highlight=False)
+    console.print(f"{'parameter':<34}{'value':>9} {'unit':<8}{'source':<11}{'flips':>7}", style="bold", soft_wrap=True)
     for entry in entries:
         values = entry.value if isinstance(entry.value, tuple) else (entry.value,)
         unique = values if len(set(values)) > 1 else values[:1]
-        table.add_row(
-            entry.name, ", ".join(f"{value:g}" for value in unique), entry.unit, entry.source, _flips(found, entry.name), entry.note
-        )
-    Console().print(table)
+        shown = ", ".join(f"{value:g}" for value in unique)
+        line = f"{entry.name:<34}{shown:>9} {entry.unit:<8}{entry.source:<11}{_flips(found, entry.name):>7}"
+        console.print(line, soft_wrap=True)
+        if entry.note:
+            console.print(Padding(entry.note, (0, 0, 0, 4)), style="dim")
     if found is None:
         typer.echo("flips: not computed for these numbers; --sensitivity does it")
 
