@@ -7,6 +7,7 @@ import signal
 import threading
 import tty
 from collections import Counter
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -196,7 +197,9 @@ class Board:
 def test_on_a_real_port_the_last_bytes_hold_the_struts(processes, operator):
     board = Board()
     try:
-        bridge = processes.start("hardware_bridge", port=board.port, homing_speed_m_s=0.02)
+        own = processes.folder / "own.yaml"
+        own.write_bytes((files("hardware_bridge") / "data" / "calibration_default.yaml").read_bytes())
+        bridge = processes.start("hardware_bridge", port=board.port, homing_speed_m_s=0.02, calibration=own)
         bridge.says("a real port")
         wait_until(lambda: operator.bridge is not None and operator.bridge.link_ok, 20.0, "the link")
         assert not operator.bridge.virtual_port

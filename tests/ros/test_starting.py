@@ -13,6 +13,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tensegrity_interfaces.msg import BridgeState
+from tensegrity_interfaces.srv import Arm
 from tests.ros.processes import wait_until
 
 pytestmark = pytest.mark.ros
@@ -61,6 +62,13 @@ def one_line_error(process) -> str:
 def test_a_missing_port_is_a_one_line_error(processes):
     error = one_line_error(processes.start("hardware_bridge", port="/dev/does_not_exist"))
     assert "port /dev/does_not_exist: does not exist; start the virtual prototype, or power the robot" in error
+
+
+def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(processes, operator, real_port):
+    processes.start("hardware_bridge", port=real_port)
+    answer = operator.call("bridge/arm", Arm.Request(lifted_and_clear=True, confirmed_lengths_m=[0.234] * 6))
+    assert not answer.success
+    assert "the calibration is the virtual prototype's: measure the robot's own" in answer.message
 
 
 def test_a_busy_port_is_a_one_line_error(processes, real_port):

@@ -62,6 +62,11 @@ OBSERVED_PERIOD_S = 0.04
 """Wall time between published observations of joints; a fast virtual prototype makes more of them."""
 NO_PROTOTYPE = "no virtual prototype is running: start one with `ros2 run tensegrity_robot virtual_prototype`, or give a port"
 
+UNCALIBRATED = (
+    "a real port, but the calibration is the virtual prototype's: measure the robot's own (copy calibration_default.yaml) and "
+    "start the bridge with calibration:=FILE"
+)
+
 
 @dataclass(frozen=True)
 class BridgeParameters:
@@ -108,7 +113,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._lease = ""
         self._motions: list[tuple[ServerGoalHandle, MotionHandle, Future]] = []
         self._failure: BridgeError | None = None
-        self._hint = "unconfigured: ros2 lifecycle set /hardware_bridge configure"
+        self._hint = f"unconfigured: ros2 lifecycle set {self.get_fully_qualified_name()} configure"
         self._hinted = False
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._make_topics()
@@ -345,6 +350,8 @@ class HardwareBridgeNode(LifecycleNode):
             bridge = self._ready()
             if self._log is not None and self._log.fault:
                 raise Refused(f"the log is dead ({self._log.fault}): start the bridge again, or without a log (record:=false)")
+            if not self._settings.calibration and not bridge.snapshot().virtual_port:
+                raise Refused(UNCALIBRATED)
             lengths = list(request.confirmed_lengths_m) or self._lengths_seen(bridge.snapshot())
             self._lease = response.lease = bridge.arm(request.holder or "somebody", request.lifted_and_clear, lengths)
             response.success, response.message = True, "homing has begun; wait for ARMED in bridge/state"
