@@ -41,7 +41,7 @@ def test_a_crowd_steps_the_same_robots_as_one_alone(prototype):
 
 
 def roll(face, travel, reason=""):
-    return SimpleNamespace(returned=None, actuated=SimpleNamespace(face=face), travel_m=travel, reason=reason)
+    return SimpleNamespace(source="TC1", returned=None, actuated=SimpleNamespace(face=face), travel_m=travel, reason=reason)
 
 
 def test_rolls_are_compared_by_final_face_and_end_position():
@@ -50,7 +50,7 @@ def test_rolls_are_compared_by_final_face_and_end_position():
     rolls = [roll("TC1", (0.0, 0.0)), roll("TC1", (0.0, 0.001)), roll(None, (0.0, 0.0), late), roll("TO1", (0.003, 0.0))]
     others = [roll("TC1", (0.0, 0.0))] * 4
     found = measure.compared(engine, rolls, engine, others)
-    assert (found.same_face, found.settled, found.policies) == (0.5, 0.75, 4)
+    assert (found.same_face, found.settled, found.policies, found.rolled) == (0.5, 0.75, 4, 2)
     assert found.median_mm == pytest.approx(0.5)
 
 
@@ -62,15 +62,15 @@ def test_the_report_holds_every_figure_and_draws(tmp_path):
         for engine, step, cost in (("sixstrut", 1 / 3000, 0.5), ("MuJoCo", 0.002, 30.0))
         if robots >= threads
     ]
-    accuracies = [measure.Accuracy(s.engine, s.step_s, s.engine, s.step_s / 4, 8, 1.0, 0.25, 0.5, 1.0) for s in speeds[:2]]
-    machine = report.Machine("a processor", 2, "3.12", "0.6", "4.0", 0.1)
+    accuracies = [measure.Accuracy(s.engine, s.step_s, s.engine, s.step_s / 4, 8, 5, 1.0, 0.25, 0.5, 1.0) for s in speeds[:2]]
+    machine = report.Machine("a processor", 2, "3.12", "0.6", "4.0", (0.1, 1.0))
     memory = measure.Memory("sixstrut", 4, 100.0, 110.0, 110.0, 10.2, 0.0)
     judged = measure.Judged(64, 2, 50.0, 500.0)
     plan = measure.Plan(counts=(1, 8))
     result = report.Report(machine, plan, "abc", speeds, judged, accuracies, [memory])
     text = report.as_markdown(result, "images/x.png")
     assert "| MuJoCo, 2 ms | 8 | 30.00 | 67 | 10.0 |" in text
-    assert "| sixstrut, 0.333 ms | sixstrut, 0.0833 ms | 8 | 100 % | 0.25 | 0.50 | 100 % |" in text
+    assert "| sixstrut, 0.333 ms | sixstrut, 0.0833 ms | 8 | 5 | 100 % | 0.25 | 0.50 | 100 % |" in text
     assert json.loads(report.as_json(result))["speeds"][0]["robot_seconds_per_s"] == pytest.approx(667, abs=1)
     report.draw(result, tmp_path / "images" / "x.png")
     assert (tmp_path / "images" / "x.png").stat().st_size > 10_000

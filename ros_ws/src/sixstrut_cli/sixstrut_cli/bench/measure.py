@@ -17,7 +17,8 @@ from sim_core.policy import checked_policy
 from sim_core.roll import RollResult
 from sim_core.structure import FACES, NEIGHBOURS
 from sim_core.watch import SAMPLE_S
-from sixstrut_cli.bench.engines import Engine, Moment, MuJoCo, SixStrut, Task
+from sixstrut_cli.bench.engines import Engine, Moment, SixStrut, Task
+from sixstrut_cli.bench.mujoco_engine import MuJoCo
 
 MUJOCO_STEPS_S = (0.001, 0.002, 0.005)
 COUNTS = (1, 8, 64, 512, 4096)
@@ -71,6 +72,7 @@ class Accuracy:
     """One engine at one step against another run of the same policies.
 
     Attributes:
+        rolled: how many policies end on another face than their first: the others say little about faces.
         same_face: share of policies that end on the same face. median_mm, p90_mm: distance of the centre's end positions.
         settled: share of policies that come to rest within the rule's time.
     """
@@ -80,6 +82,7 @@ class Accuracy:
     reference: str
     reference_step_s: float
     policies: int
+    rolled: int
     same_face: float
     median_mm: float
     p90_mm: float
@@ -226,6 +229,7 @@ def compared(engine: Engine, rolls: Sequence[RollResult], reference: Engine, oth
         reference.name,
         reference.step_s,
         len(rolls),
+        sum(final_face(result) != result.source for result in rolls),
         float(np.mean([final_face(a) == final_face(b) for a, b in zip(rolls, others, strict=True)])),
         float(np.median(apart)),
         float(np.quantile(apart, 0.9)),

@@ -9,8 +9,9 @@ from pathlib import Path
 import psutil
 
 from sim_core.parameters import load_prototype
-from sixstrut_cli.bench.engines import Engine, MuJoCo, SixStrut
+from sixstrut_cli.bench.engines import Engine, SixStrut
 from sixstrut_cli.bench.measure import Memory, tasks_of
+from sixstrut_cli.bench.mujoco_engine import MuJoCo
 
 MUJOCO_STEP_S = 0.002
 

@@ -16,14 +16,15 @@ from sixstrut_cli.pictures import STRUT_COLORS, new_figure
 
 @dataclass(frozen=True)
 class Machine:
-    """Where it was measured. load: processes that wanted to run in the minute before; above 0 the figures may be too low."""
+    """Where it was measured. load: processes that wanted to run, in the minutes
+    before and at the end; more than the threads measured means that the figures suffered."""
 
     processor: str
     processors: int
     python: str
     numba: str
     mujoco: str
-    load: float
+    load: tuple[float, float]
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,7 @@ class Report:
     memories: Sequence[Memory]
 
 
-def this_machine(mujoco_version: str, load: float) -> Machine:
+def this_machine(mujoco_version: str, load: tuple[float, float]) -> Machine:
     """The machine, in words."""
     names = [line.split(":", 1)[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")]
     flags = next((line for line in _lines("/proc/cpuinfo") if line.startswith("flags")), "").split()
@@ -70,7 +71,8 @@ def as_markdown(report: Report, picture: str | None) -> str:
         "(`ros_ws/src/sixstrut_cli/sixstrut_cli/bench/mujoco_model.py` says what differs); its batches run in its own thread pool "
         "(`mujoco.rollout`), one robot by `mj_step`.",
         f"{m.processor}; {m.processors} processors; Python {m.python}, numba {m.numba}, MuJoCo {m.mujoco}; "
-        f"model {report.model_hash}; load before the run {m.load:.1f}.",
+        f"model {report.model_hash}; load average before {m.load[0]:.1f}, "
+        f"at the end {m.load[1]:.1f}: above {plan.threads[-1]} other programs were running, and slowed both engines.",
         *([f"![speed and accuracy]({picture})"] if picture else []),
         "## Speed",
         "Robots in the middle of rolls, each at another moment of another roll. *× real time*: robot-seconds a second. "
@@ -80,6 +82,8 @@ def as_markdown(report: Report, picture: str | None) -> str:
         f"{report.judged.rolls_per_s:.1f} rolls/s, {report.judged.robot_seconds_per_s:.0f} robot-seconds/s.",
         "## Accuracy",
         "Each engine against itself at a quarter of the step: half gaits of the library `first`, half random policies. "
+        "The gaits were chosen for being reliable and a random policy seldom rolls, so *same face* is a weak test; *rolled* is "
+        "how many policies end on another face than their first. "
         "*Same face*: ends on the same face. *End*: distance between the centre's end positions. *Came to rest*: within the "
         "rule's 15 s. The last row compares the two engines at their finest: how far the two models agree.",
         _accuracy_table(report.accuracies),
@@ -121,6 +125,7 @@ def _accuracy_table(accuracies: Sequence[Accuracy]) -> str:
             _label(a.engine, a.step_s),
             _label(a.reference, a.reference_step_s),
             f"{a.policies}",
+            f"{a.rolled}",
             f"{100 * a.same_face:.0f} %",
             f"{a.median_mm:.2f}",
             f"{a.p90_mm:.2f}",
@@ -128,7 +133,7 @@ def _accuracy_table(accuracies: Sequence[Accuracy]) -> str:
         ]
         for a in accuracies
     ]
-    return _table(["", "against", "policies", "same face", "end, median mm", "end, 90 % within mm", "came to rest"], rows)
+    return _table(["", "against", "policies", "rolled", "same face", "end, median mm", "end, 90 % within mm", "came to rest"], rows)
 
 
 def _memory_table(memories: Sequence[Memory]) -> str:
@@ -166,14 +171,16 @@ def draw(report: Report, path: Path) -> None:
     left.set_xticks(report.plan.counts, [str(count) for count in report.plan.counts])
     left.set_xlabel("robots")
     left.set_title(f"dashed 1 thread, solid {most}" if most > 1 else "1 thread")
-    left.legend(frameon=False)
+    left.legend(frameon=False, ncol=2, loc="upper center")
     right.set_xscale("log")
-    right.margins(0.25)
+    right.margins(x=0.5, y=0.25)
     right.set_xlabel("median error of the end position, own quarter step (mm)")
-    right.set_title("speed at equal truth: up and left is better")
+    right.set_title("speed and own error: up and left is better")
     for axes in (left, right):
         axes.set_yscale("log")
         axes.set_ylabel("robot-seconds per second")
         axes.grid(color="0.9", which="both")
+    speeds = [s.robot_seconds_per_s for s in report.speeds]
+    left.set_ylim(0.5 * min(speeds), 4 * max(speeds))  # room for the legend
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)

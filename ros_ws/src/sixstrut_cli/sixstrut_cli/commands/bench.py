@@ -61,7 +61,7 @@ def command(
     accuracies = measure.accuracies(robot, tasks, most, say)
     memories = measure.memories(str(prototype) if prototype else None, plan, str(folder), say)
     mujoco = importlib.import_module("mujoco").__version__
-    machine = report.this_machine(mujoco, load)
+    machine = report.this_machine(mujoco, (load, os.getloadavg()[0]))
     result = report.Report(machine, plan, build_model(robot).hash, speeds, judged, accuracies, memories)
     picture = None if path is None else path.parent / "images" / f"{path.stem}.png"
     if path is not None and picture is not None:
