@@ -142,7 +142,7 @@ def elements_of(prototype: Prototype) -> Elements:
             position.append(length * (NODES[first] + (NODES[second] - NODES[first]) * k / per_strut))
             frame.append(_strut_frame(strut))
             mass.append(prototype.actuator_mass_kg / per_strut)
-            inertia.append(prototype.strut_particle_inertia_kg_m2)
+            inertia.append(tuple(value / per_strut for value in prototype.strut_particle_inertia_kg_m2))
         beam_ends += list(pairwise(chain))
     box = len(position)
     position.append(np.zeros(3))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -43,6 +44,7 @@ def resting_modes(robot: Robot) -> Modes:
     touching = np.flatnonzero(robot.contact_points_m()[:, 2] < 0.0)
     total = stiffness(robot.rows()[0], model.par, model.topology)
     total += ground_stiffness(e, frames, touching)
+    _add_turning_of_arms(total, robot, frames, touching)
     scale = 1.0 / np.sqrt(mass_diagonal(e))
     values, vectors = eig(scale[:, None] * total * scale[None, :])
     order = np.argsort(values.real)
@@ -50,6 +52,20 @@ def resting_modes(robot: Robot) -> Modes:
     if squares[0] <= 0.0:
         raise ModelError(f"the rest is not stable: the softest mode has omega² = {squares[0]:.3g} 1/s²; is the self-stress slack?")
     return Modes(np.sqrt(squares) / (2.0 * np.pi), scale[:, None] * vectors.real[:, order])
+
+
+def _add_turning_of_arms(total: Array, robot: Robot, frames: Array, touching: Iterable[int]) -> None:
+    """Geometric stiffness of the ground's forces: as a joint turns, so do the arms at which they act. M = r × F, δr = δφ × r."""
+    e, layout = robot.model.elements, robot.model.layout
+    stretch = robot.rows()[0][layout.contacts :].reshape(-1, k.CONTACT_ROWS)[:, k.U : k.U + 2]
+    height = robot.contact_points_m()[:, 2]
+    normal, tangential = e.ground_stiffness_n_m
+    for point in touching:
+        joint = point // k.POINTS_PER_JOINT
+        arm = frames[joint] @ e.contact_point_m[point]
+        force = np.append(-tangential * stretch[point], -normal * height[point])
+        turn = slice(6 * joint + 3, 6 * joint + 6)
+        total[turn, turn] += (force @ arm) * np.eye(3) - np.outer(arm, force)
 
 
 def first_frequency_hz(model: Model) -> float:

@@ -18,6 +18,7 @@ from sim_core.validation import (
     free_body,
     incremental,
     large_rotation,
+    outcomes,
     time_limit,
     whole_robot,
 )
@@ -96,6 +97,7 @@ TOPICS: tuple[Topic, ...] = (
             whole_robot.lanes,
         ),
     ),
+    Topic("Outcomes", outcomes, (outcomes.same_face_at_a_finer_step, outcomes.same_face_with_stiffer_struts)),
 )
 
 CASES: dict[str, CaseFunction] = {function.__name__: function for topic in TOPICS for function in topic.cases}
