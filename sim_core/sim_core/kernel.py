@@ -224,11 +224,9 @@ def _cable(state, par, work, p1, p2, c):
 
 
 @njit(cache=True)
-def _contact(state, par, work, p, wx, wy, wz, point, row, ground, dt):
-    """Forces of the ground on one contact point of joint `p`, which turns with (wx, wy, wz)."""
+def _contact(state, par, work, p, wx, wy, wz, rx, ry, rz, height, row, ground, dt):
+    """Forces of the ground on one contact point at arm (rx, ry, rz) of joint `p`, which turns with (wx, wy, wz)."""
     x, w = p * PARTICLE_ROWS, p * WORK_ROWS
-    rx, ry, rz = _rotated(work, w, load(par, point), load(par, point + 1), load(par, point + 2))
-    height = load(state, x + X + 2) + rz
     vx, vy, vz = _cross(wx, wy, wz, rx, ry, rz)
     vx, vy, vz = vx + load(state, x + V), vy + load(state, x + V + 1), vz + load(state, x + V + 2)
     normal = larger(0.0, -load(par, ground + KN) * height - load(par, ground + CN) * vz)
@@ -307,19 +305,15 @@ def forces(state, par, work, topology, dt, reach):
             wx, wy, wz = _spin_to_turn(par, work, p, load(state, x + S), load(state, x + S + 1), load(state, x + S + 2))
             for k in range(POINTS_PER_JOINT):
                 point = p * POINTS_PER_JOINT + k
-                _contact(
-                    state,
-                    par,
-                    work,
-                    p,
-                    wx,
-                    wy,
-                    wz,
-                    lay.par_contacts + point * CONTACT_PAR,
-                    lay.contacts + point * CONTACT_ROWS,
-                    lay.par_ground,
-                    dt,
-                )
+                at, row = lay.par_contacts + point * CONTACT_PAR, lay.contacts + point * CONTACT_ROWS
+                w = p * WORK_ROWS
+                rx, ry, rz = _rotated(work, w, load(par, at), load(par, at + 1), load(par, at + 2))
+                height = load(state, x + X + 2) + rz
+                if any_of(height < 0.0):
+                    _contact(state, par, work, p, wx, wy, wz, rx, ry, rz, height, row, lay.par_ground, dt)
+                else:  # as a contact that does not touch leaves it
+                    for i in range(CONTACT_ROWS):
+                        store(state, row + i, 0.0)
 
 
 @njit(cache=True)

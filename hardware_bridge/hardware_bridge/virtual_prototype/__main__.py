@@ -52,6 +52,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     finally:
         prototype.close()
+        # a second signal (a launch file's Ctrl-C reaches the whole group) must not spoil a clean end
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, signal.SIG_IGN)
     return 0
 
 

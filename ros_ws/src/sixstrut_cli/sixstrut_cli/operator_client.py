@@ -106,18 +106,26 @@ class Operator:
     def roll(self, target: str, feedback: Callable[[Any], None], limit_s: float) -> Any:
         """Roll onto a face; the action's result. KeyboardInterrupt cancels it, which holds the struts, and goes on."""
         goal = Roll.Goal(target_face=target)
-        handle = self._result(
-            self._roll.send_goal_async(goal, feedback_callback=lambda message: feedback(message.feedback)),
+        handle = self._called(
+            lambda: self._roll.send_goal_async(goal, feedback_callback=lambda message: feedback(message.feedback)),
             10.0,
             "an answer to roll",
         )
         if not handle.accepted:
             raise StackError("the planner rejected the roll: it is busy with another; cancel that first")
         try:
-            return self._result(handle.get_result_async(), limit_s, "the end of the roll").result
+            return self._called(handle.get_result_async, limit_s, "the end of the roll").result
         except KeyboardInterrupt:
-            self._result(handle.cancel_goal_async(), 10.0, "an answer to cancel")
+            self._called(handle.cancel_goal_async, 10.0, "an answer to cancel")
             raise
+
+    def _called(self, call: Callable[[], Any], limit_s: float, what: str) -> Any:
+        """Make an action's call in the executor's thread (from another, its answer can arrive before it is waited for) and wait."""
+
+        async def ask() -> Any:
+            return await call()
+
+        return self._result(self._executor.create_task(ask), limit_s, what)
 
     def _result(self, future: Any, limit_s: float, what: str) -> Any:
         wait_until(future.done, limit_s, what, self._stack)

@@ -111,7 +111,8 @@ def replay(session: Session, model: Model | None = None, report: Callable[[int, 
                 result.faces.append(check)
             result.recorded = event.face
         state = live.get(event.seq)
-        if state is not None and state.first_seq == follower.first_seq and state.model_hash == model.hash:
+        comparable = state is not None and (state.first_seq, state.robot_time_ns) == (follower.first_seq, event.robot_time_ns)
+        if state is not None and comparable and state.model_hash == model.hash:
             result.live_states += 1
             if (state.digest, state.step) == (follower.digest(), follower.step):
                 result.same_states += 1
