@@ -23,6 +23,7 @@ def command(
         typer.Option("--primitive", help="A primitive of the library; default: its best.", show_default=False),
     ] = None,
     library: LibraryOption = "first",
+    kind: Annotated[str, typer.Option("--model", help="improved, or previous: the paper's two models.")] = "improved",
     perturbation: Annotated[float, typer.Option(help="Scale of a perturbed prototype, 0.05 for ±5 %.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Which perturbed prototype.")] = 1,
     picture: Annotated[Path | None, typer.Option(help="Write a PNG of the roll here.", show_default=False)] = None,
@@ -33,6 +34,7 @@ def command(
 
     sixstrut roll --from TC6 --to TO5
     sixstrut roll --from TC4 --to TO12 --primitive P2 --perturbation 0.05 --seed 3
+    sixstrut roll --from TO5 --to TC6 --primitive P9 --model previous
     sixstrut roll --policy "-31 36 17 37 -34 -43" --picture roll.png
     """
     from sim_core.library import gait_of, load_library
@@ -49,7 +51,7 @@ def command(
         shelf = load_library(library)
         gait = gait_of(shelf.primitive(primitive), source, target) if primitive else shelf.gaits(source, target)[0]
         strokes, name = list(gait.policy), gait.name + ("" if gait.proper else " (mirror)")
-    model = perturb(build_model(load_prototype(prototype)), perturbation, seed)
+    model = perturb(build_model(load_prototype(prototype), kind=kind), perturbation, seed)
     trace: list[Sample] = []
     result = roll(model, source, target, strokes, trace=trace)
     if picture is not None:
