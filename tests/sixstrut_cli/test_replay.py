@@ -47,7 +47,7 @@ def test_another_model_is_not_compared_bit_by_bit_but_its_faces_are(session, rep
 
 def test_a_tampered_command_is_noticed_at_its_event(session, replayed):
     sent = session.messages["bridge/struts_sent"]
-    # the last frame, which the struts reach: in the middle of a motion they are still on their way, and a little more changes nothing
+    # a last frame, which the struts reach: in mid-motion they are still on their way, and a little more changes nothing
     last = max(i for i, recorded in enumerate(sent) if not recorded.message.heartbeat and i < len(sent) - 20)
     original = sent[last].message
     lengths = [value + 1e-4 for value in original.length_m]
