@@ -44,6 +44,11 @@ class Session:
                 yield from (recorded.message for recorded in messages)
 
 
+def seconds_of(stamp: Any) -> float:
+    """A ROS stamp in seconds."""
+    return float(stamp.sec + 1e-9 * stamp.nanosec)
+
+
 def read_session(path: Path | str) -> Session:
     """Read a bag.
 

@@ -14,6 +14,7 @@ import yaml
 
 from sim_core.errors import LibraryError, PolicyError
 from sim_core.policy import Policy, checked_policy
+from sim_core.structure import require_adjacent
 from sim_core.symmetry import CLASSES, RollClass, carrier, class_of
 
 SCHEMA = 1
@@ -85,12 +86,9 @@ class Library:
         Raises:
             UnknownFaceError, NotAdjacentError.
         """
-        element = carrier(source, target)
-        return tuple(
-            Gait(p, source, target, checked_policy(element.relabel(p.policy), 10_000), element.proper)
-            for p in self.primitives
-            if p.roll_class is class_of(source)
-        )
+        require_adjacent(source, target)
+        roll_class = class_of(source)
+        return tuple(gait_of(p, source, target) for p in self.primitives if p.roll_class is roll_class)
 
 
 def gait_of(primitive: Primitive, source: str, target: str) -> Gait:

@@ -48,6 +48,7 @@ def test_each_closed_face_touches_three_open_ones_and_each_open_face_two_closed_
 
 @pytest.mark.parametrize("pair", [("TC6", "TO5"), ("TC4", "TO4"), ("TC4", "TO12"), ("TO7", "TC6"), ("TO7", "TC8")])
 def test_pairs_that_the_paper_names_are_adjacent(pair):
+    assert pair[1] in NEIGHBOURS[pair[0]]
     require_adjacent(*pair)
 
 

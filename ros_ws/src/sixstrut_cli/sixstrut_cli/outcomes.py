@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hardware_bridge.bag_reader import Session
+from hardware_bridge.bag_reader import Session, seconds_of
 
 
 class Outcome(NamedTuple):
@@ -26,8 +26,8 @@ def outcomes_of(session: Session, mid_stroke_m: float) -> list[Outcome]:
     for message in session.of("bridge/asked"):
         lengths = dict(zip(message.joint_names, message.points[-1].positions, strict=True))
         policy = tuple(round(1e3 * (lengths[f"S{s}"] - mid_stroke_m)) for s in range(1, 7))
-        moves.append((_seconds(message.header.stamp), policy))
-    seen = [(_seconds(m.header.stamp), m.face or None) for m in session.of("bridge/face") if m.settled]
+        moves.append((seconds_of(message.header.stamp), policy))
+    seen = [(seconds_of(m.header.stamp), m.face or None) for m in session.of("bridge/face") if m.settled]
     moves.sort()
 
     def last_before(time_s: float, since_s: float = float("-inf")) -> str | None:
@@ -42,7 +42,3 @@ def outcomes_of(session: Session, mid_stroke_m: float) -> list[Outcome]:
         ended = moves[number + 2][0] if number + 2 < len(moves) else float("inf")
         tries.append(Outcome(last_before(began), policy, last_before(returned, began), last_before(ended, returned)))
     return tries
-
-
-def _seconds(stamp: object) -> float:
-    return stamp.sec + 1e-9 * stamp.nanosec  # type: ignore[attr-defined]

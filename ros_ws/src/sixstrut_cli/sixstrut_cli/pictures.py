@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hardware_bridge.bag_reader import Session
+from hardware_bridge.bag_reader import Session, seconds_of
 from sim_core.roll import RollResult, Sample
 from sim_core.structure import STRUTS, TENDONS
 from sixstrut_cli.replaying import Replay
@@ -76,16 +76,12 @@ def roll_picture(result: RollResult, trace: Sequence[Sample], path: Path, title:
 def observed_path(session: Session, origin_s: float) -> tuple[np.ndarray, np.ndarray]:
     """Robot times (s, from `origin_s`) and joints (n, 12, 3) as the observer saw them."""
     sent = list(session.of("bridge/struts_sent"))
-    stamps = np.array([_seconds(m.header.stamp) for m in sent])
+    stamps = np.array([seconds_of(m.header.stamp) for m in sent])
     robot_s = np.array([m.robot_time_ns / 1e9 for m in sent])
     seen = list(session.of("bridge/observed_joints"))
-    times = np.interp([_seconds(m.header.stamp) for m in seen], stamps, robot_s) - origin_s if sent and seen else np.zeros(0)
+    times = np.interp([seconds_of(m.header.stamp) for m in seen], stamps, robot_s) - origin_s if sent and seen else np.zeros(0)
     joints = [[(p.position.x, p.position.y, p.position.z) for p in m.poses[:12]] for m in seen]
     return times, np.array(joints).reshape(-1, 12, 3)
-
-
-def _seconds(stamp: Any) -> float:
-    return stamp.sec + 1e-9 * stamp.nanosec
 
 
 def session_picture(session: Session, replay: Replay, path: Path) -> None:
