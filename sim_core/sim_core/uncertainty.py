@@ -66,7 +66,7 @@ def _joint_size(e: Elements, off: Array) -> Elements:
 
 
 def _payload(e: Elements, off: Array) -> Elements:
-    """Move the box's centre of mass inside it: its lugs stay where they were. Its inertia, and the sphere of its clearance, move along."""
+    """Move the box's centre of mass inside it: its lugs stay where they were. Inertia and clearance sphere move too."""
     box = len(e.mass_kg) - 1
     position, own = e.position_m.copy(), rotated(e.frame[box].T, off)
     position[box] += off
@@ -217,7 +217,7 @@ def prototype_of(model: Model, law: Law, errors: Mapping[str, Array]) -> Model:
 
 
 def sample_at(model: Model, law: Law, seed: int, indices: Sequence[int]) -> list[Model]:
-    """Prototypes `indices` of the endless row that (model, law, seed) stands for: each the same wherever and with whomever it is drawn."""
+    """Prototypes `indices` of the endless row that (model, law, seed) stands for: each the same in whatever company it is drawn."""
     errors = errors_of(model, law, seed, indices)
     return [prototype_of(model, law, {name: rows[k] for name, rows in errors.items()}) for k in range(len(indices))]
 
