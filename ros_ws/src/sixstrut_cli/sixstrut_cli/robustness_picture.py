@@ -37,7 +37,7 @@ def robustness_picture(study: Study, blame: Attribution | None, path: Path, titl
     axes.set_ylabel("success rate over gaits and prototypes (%)")
     axes.set_xlabel("primitive; bars: 95 % Clopper–Pearson intervals")
     axes.set_title(study.counts.words)
-    axes.legend(frameon=False, loc="lower left", ncol=2)
+    axes.legend(loc="lower left", ncol=2)
 
     histogram = figure.add_subplot(grid[0, 1] if blame is not None else grid[:, 1])
     values = np.array([100 * rate.value for _, rate in rows])
@@ -61,4 +61,4 @@ def _draw_blame(axes: Any, blame: Attribution) -> None:
     axes.set_yticks(at, [row.group for row in rows])
     axes.set_xlim(0, 100)
     axes.set_xlabel(f"of {len(blame.failures)} failed trials looked at (%)")
-    axes.legend(frameon=False, fontsize="small")
+    axes.legend(fontsize="small", loc="lower right")
