@@ -1,6 +1,6 @@
 """Which uncertainty kills which gait: failed trials again, with one uncertainty taken away and with one alone.
 
-Errors belong to the prototype's index and member, so taking a group away leaves all others as they were: the failure either
+Errors belong to the prototype's number and member, so taking a group away leaves all others as they were: the failure either
 vanishes, and the group was needed for it, or it does not.
 """
 
@@ -125,9 +125,9 @@ def _chunks(prototype: Prototype, study: Study, chosen: NDArray[np.int64], kind:
 def _chunk(prototype: Prototype, study: Study, rows: NDArray[np.int64], laws: Sequence[Law], kind: str) -> Chunk:
     places: dict[Draw | None, int] = {}
     jobs = []
-    for p, g, index in rows.tolist():
+    for p, g, k in rows.tolist():
         source, target = study.gaits[p][g]
         policy = gait_of(study.primitives[p], source, target).policy
-        for draw in (*(Draw(law, study.plan.seed, index) for law in laws), None):
+        for draw in (*(Draw(law, study.plan.seed, study.plan.numbers[k]) for law in laws), None):
             jobs.append(Job(places.setdefault(draw, len(places)), source, policy, target))
     return Chunk(prototype, tuple(places), tuple(jobs), kind)

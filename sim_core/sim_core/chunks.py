@@ -189,6 +189,11 @@ def run_here(chunks: Sequence[Chunk], report: Report = silent) -> list[Trials]:
     return done
 
 
+def compile_kernels(prototype: Prototype, kind: str = IMPROVED) -> None:
+    """Have everything that a chunk needs compiled, so that its cost is that of work."""
+    run_chunk(Chunk(prototype, (None,), (Job(0, "TC1", (0,) * 6),), kind))
+
+
 def jobs_in(chunks: Iterable[Chunk]) -> int:
     """Number of rolls of all chunks."""
     return sum(len(chunk.jobs) for chunk in chunks)

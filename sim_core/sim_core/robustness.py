@@ -32,7 +32,8 @@ class Plan:
     """What to study.
 
     Attributes:
-        law, seed: of the prototypes. prototypes: how many, K.
+        law, seed: of the prototypes. prototypes: how many, K. first: number of the first one in this seed's endless row, so that
+            a large study can be done in slices.
         one_gait: instead of 24 gaits on K prototypes, the reference gait on 24 K: the same under a symmetric law.
     """
 
@@ -40,10 +41,13 @@ class Plan:
     seed: int = HELD_OUT_SEED
     prototypes: int = 20
     one_gait: bool = False
+    first: int = 0
 
     def __post_init__(self) -> None:
         if self.prototypes < 1:
             raise ParameterError(f"{self.prototypes} prototypes: valid is a whole number of 1 or more")
+        if self.first < 0 or self.seed < 0:
+            raise ParameterError(f"first prototype {self.first}, seed {self.seed}: valid are whole numbers of 0 or more")
         if self.one_gait and not self.law.symmetric:
             raise ParameterError("one gait stands for 24 only under a symmetric law, and a slope has a direction: leave out slope")
 
@@ -51,6 +55,12 @@ class Plan:
     def shape(self) -> tuple[int, int]:
         """(gaits, prototypes) of each primitive's trials."""
         return (1, GAITS * self.prototypes) if self.one_gait else (GAITS, self.prototypes)
+
+    @property
+    def numbers(self) -> range:
+        """Of the prototypes, in the trials' order."""
+        start = self.first * (GAITS if self.one_gait else 1)
+        return range(start, start + self.shape[1])
 
 
 @dataclass(frozen=True)
@@ -142,10 +152,9 @@ def chunks_of(prototype: Prototype, primitives: Sequence[Primitive], plan: Plan,
         raise LibraryError("the library has no primitives: there is nothing to study")
     each = max(1, CHUNK_JOBS // len(rolls))
     chunks = []
-    for first in range(0, plan.shape[1], each):
-        indices = range(first, min(first + each, plan.shape[1]))
-        draws = tuple(Draw(plan.law, plan.seed, index) for index in indices)
-        jobs = tuple(Job(model, *roll) for model in range(len(indices)) for roll in rolls)
+    for at in range(0, plan.shape[1], each):
+        draws = tuple(Draw(plan.law, plan.seed, number) for number in plan.numbers[at : at + each])
+        jobs = tuple(Job(model, *roll) for model in range(len(draws)) for roll in rolls)
         chunks.append(Chunk(prototype, draws, jobs, kind))
     return chunks
 

@@ -132,6 +132,17 @@ IMPROVED_ONLY = ("joint_size", "payload")
 """The previous model's joints and box are points."""
 
 
+def groups_of(words: str) -> tuple[str, ...]:
+    """Names of uncertainties from words with commas: `judged`, `all`, a name, or −name to take one out. Raises ParameterError."""
+    chosen: list[str] = []
+    for word in filter(None, (word.strip() for word in words.split(","))):
+        names = {"judged": JUDGED, "all": tuple(GROUPS)}.get(word.removeprefix("-"), (word.removeprefix("-"),))
+        if not set(names) <= GROUPS.keys():
+            raise ParameterError(f"unknown uncertainty {word!r}: valid are judged, all, {', '.join(GROUPS)}, and - before any")
+        chosen = [name for name in chosen if name not in names] + ([] if word.startswith("-") else list(names))
+    return tuple(name for name in GROUPS if name in chosen)
+
+
 @dataclass(frozen=True)
 class Law:
     """How prototypes differ.

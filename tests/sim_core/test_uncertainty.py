@@ -7,7 +7,7 @@ from sim_core.elements import PREVIOUS, elements_of
 from sim_core.errors import ParameterError
 from sim_core.model import build_model
 from sim_core.perturbation import perturb
-from sim_core.uncertainty import GROUPS, JUDGED, Law, errors_of, prototype_of, sample, sample_at
+from sim_core.uncertainty import GROUPS, JUDGED, Law, errors_of, groups_of, prototype_of, sample, sample_at
 
 ALL = tuple(GROUPS)
 
@@ -116,6 +116,14 @@ def test_draws_are_not_those_of_the_virtual_prototype(model):
 def test_an_impossible_law_is_refused(changes, message):
     with pytest.raises(ParameterError, match=message):
         Law(**changes)
+
+
+def test_uncertainties_are_chosen_in_words():
+    assert groups_of("judged, slope,-mass") == ("stiffness", "rest_length", "stroke", "friction", "slope")
+    assert groups_of("all") == ALL
+    assert groups_of("payload") == ("payload",)
+    with pytest.raises(ParameterError, match="unknown uncertainty '-mas': valid are judged, all, stiffness"):
+        groups_of("judged,-mas")
 
 
 def test_negative_seeds_and_parts_that_the_previous_model_lacks_are_refused(model):

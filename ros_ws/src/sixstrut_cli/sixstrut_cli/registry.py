@@ -16,6 +16,7 @@ _ALL = (
     Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "demo"),
     Entry("roll", "Simulate one roll and judge it.", "roll"),
     Entry("search", "Find primitives, and rate them on perturbed prototypes.", "search"),
+    Entry("robustness", "Try a library's 24 gaits on perturbed prototypes: rates, intervals, what kills them.", "robustness"),
     Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "recheck"),
     Entry("replay", "Step the twin through a recorded session and compare.", "replay"),
     Entry("prototype", "Run the virtual prototype alone, behind a serial port.", "prototype"),
