@@ -61,4 +61,3 @@ class Elites:
     def count(self, merit: float) -> int:
         """How many have at least this merit."""
         return sum(candidate.merit >= merit for candidate in self._ranked)
-

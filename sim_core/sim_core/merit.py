@@ -1,8 +1,8 @@
 """How good a policy is, as one number: what the generator climbs.
 
-    below 1      it did not roll: the farther the centre of mass got past an edge, the more
-    1 to 2       it rolled, but not as it should: strut force, clearance, or it did not stay; or too few trials succeeded
-    from 2 on    feasible on the nominal robot: 2 + quality; or, with training prototypes, 2 + success rate + a little quality
+below 1      it did not roll: the farther the centre of mass got past an edge, the more
+1 to 2       it rolled, but not as it should: strut force, clearance, or it did not stay; or too few trials succeeded
+from 2 on    feasible on the nominal robot: 2 + quality; or, with training prototypes, 2 + success rate + a little quality
 """
 
 from __future__ import annotations

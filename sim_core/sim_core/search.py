@@ -1,12 +1,13 @@
 """The gait generator: a genetic algorithm around the simulator, for both classes of rolls at once.
 
-Every generation breeds policies for robots resting on the two reference faces and rolls them on the nominal robot, wherever they go:
-a feasible roll onto *any* adjacent face is, relabelled by the symmetry group, a primitive of the reference pair. With training
-prototypes, feasible ones are then tried on these. The best that differ enough are the elites: the parents of the next generation, and
-in the end the library.
+Every generation breeds policies for robots resting on the two reference faces and rolls them on the nominal robot, wherever they
+go: a feasible roll onto *any* adjacent face is, relabelled by the symmetry group, a primitive of the reference pair. With training
+prototypes, feasible ones are then tried on these. The best that differ enough are the elites: the parents of the next generation,
+and in the end the library.
 
-Everything a generation does is a function of its number, the seed and the elites, so a search that was stopped goes on as if it had
-not been, on any number of workers. (The operators are few, and the libraries that have them keep their state in pickles: hence ours.)
+Everything a generation does is a function of its number, the seed and the elites, so a search that was stopped goes on as if it
+had not been, on any number of workers. (The operators are few, and the libraries that offer them keep their state in pickles:
+hence our own.)
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ import numpy as np
 
 from sim_core.batch import Job
 from sim_core.breeding import offspring
-from sim_core.chunks import Chunk, Draw, Runner, Trials, run_here
+from sim_core.chunks import Chunk, Draw, Runner, Trials, cost_of, run_here
 from sim_core.elements import IMPROVED, KINDS
 from sim_core.elites import Candidate, Elites
 from sim_core.errors import ParameterError
@@ -38,15 +39,15 @@ FIRST_LOOK = 4
 
 
 class Training(NamedTuple):
-    """Prototypes to train on: the first `count` of (law, seed)."""
+    """Prototypes to train on: the first ones of (law, seed)."""
 
     law: Law
-    count: int
+    prototypes: int
     seed: int
 
     @property
     def draws(self) -> tuple[Draw, ...]:
-        return tuple(Draw(self.law, self.seed, number) for number in range(self.count))
+        return tuple(Draw(self.law, self.seed, number) for number in range(self.prototypes))
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class SearchPlan:
     polish: int = 6
     evaluations: int = 200_000
     active: int = 6
-    apart_mm: int = 12
+    apart_mm: int = 15
     training: tuple[Training, ...] = ()
     choice: tuple[Training, ...] = ()
     spare: int = 2
@@ -94,7 +95,7 @@ class SearchPlan:
         """The plan, for a library's provenance."""
         plain = asdict(self)
         for key in ("training", "choice"):
-            plain[key] = [{"law": t.law.words, "prototypes": t.count, "seed": t.seed} for t in getattr(self, key)]
+            plain[key] = [{"law": t.law.words, "prototypes": t.prototypes, "seed": t.seed} for t in getattr(self, key)]
         return plain | {"classes": list(self.classes)}
 
 
@@ -273,9 +274,7 @@ class Search:
         """Candidates ranked by their success on the prototypes of the last choice."""
         draws = tuple(draw for t in self.plan.choice for draw in t.draws)
         wins = self._wins([(rolls, c.policy) for c in ranked], draws)
-        tried = [
-            c._replace(margins=_tried(c.margins, won / len(draws), len(draws))) for c, won in zip(ranked, wins, strict=True)
-        ]
+        tried = [c._replace(margins=_tried(c.margins, won / len(draws), len(draws))) for c, won in zip(ranked, wins, strict=True)]
         return sorted(tried, key=lambda c: (-c.margins["success"], -c.merit, c.policy))
 
 
@@ -303,14 +302,11 @@ def search(
 
 def joined(parts: Sequence[Trials]) -> Trials:
     """The trials of several chunks as one."""
-    columns: list[Any] = []
+    columns: dict[str, Any] = {}
     for field in Trials._fields[:-1]:
         values = [getattr(part, field) for part in parts]
-        columns.append(np.concatenate(values) if isinstance(values[0], np.ndarray) else tuple(v for part in values for v in part))
-    cost = parts[0].cost
-    for part in parts[1:]:
-        cost = cost.plus(part.cost)
-    return Trials(*columns, cost)
+        columns[field] = np.concatenate(values) if isinstance(values[0], np.ndarray) else tuple(v for row in values for v in row)
+    return Trials(**columns, cost=cost_of(parts))
 
 
 def _margins(trials: Trials, row: int) -> dict[str, float]:

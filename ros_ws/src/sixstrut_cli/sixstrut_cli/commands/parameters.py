@@ -68,7 +68,9 @@ def command(
     if output is not None:
         raise typer.BadParameter("--output needs --export")
     _print_table(entries, _computed(robot, prototype is None) if sensitivity else stored_influences(robot))
-    typer.echo(f"prototype {robot.hash}, model {label_of(elements.hash)}; --export json writes masses, points and members one by one")
+    typer.echo(
+        f"prototype {robot.hash}, model {label_of(elements.hash)}; --export json writes masses, points and members one by one"
+    )
 
 
 def _computed(robot: Prototype, keep: bool) -> dict[str, Influence]:
