@@ -1,8 +1,9 @@
-"""The graph of faces: from each face the rolls over its tendon edges, with all gaits that do them and how likely they are to work."""
+"""The graph of faces: from each face the rolls over its tendon edges, with all gaits that do them and their odds."""
 
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -103,5 +104,5 @@ class FaceGraph:
         while faces[-1] != source:
             faces.append(names[int(before[names.index(faces[-1])])])
         faces.reverse()
-        chosen = tuple(self.best(a, b) for a, b in zip(faces, faces[1:], strict=False))
+        chosen = tuple(self.best(a, b) for a, b in pairwise(faces))
         return Route(tuple(faces), chosen, math.prod(choice.odds for choice in chosen))

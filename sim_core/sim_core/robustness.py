@@ -14,6 +14,7 @@ from sim_core.chunks import Chunk, Cost, Draw, Report, Runner, Trials, cost_of, 
 from sim_core.elements import IMPROVED
 from sim_core.errors import LibraryError, ParameterError
 from sim_core.library import Library, Primitive, gait_of
+from sim_core.odds import Odds
 from sim_core.parameters import Prototype
 from sim_core.policy import checked_policy
 from sim_core.rates import Counts, Rate, counts_of, rate_of, rates_along
@@ -139,6 +140,19 @@ def require_held_out(library: Library, seed: int) -> None:
 def gaits_of(primitive: Primitive, one_gait: bool) -> tuple[tuple[str, str], ...]:
     """The rolls on which a primitive is tried."""
     return (tuple(primitive.roll_class),) if one_gait else rolls_of(primitive.roll_class)  # type: ignore[return-value]
+
+
+def odds_of(library: Library, study: Study) -> Odds:
+    """Every gait's successes in a study of the whole library.
+
+    Raises:
+        ParameterError: a study of the reference gait alone, or of some primitives only.
+    """
+    if study.plan.one_gait or len(study.primitives) != len(library.primitives):
+        raise ParameterError("odds need all 24 gaits of every primitive: leave out --one-gait and --quick")
+    plan = study.plan
+    wins = {p.name: tuple(int(won) for won in rows.sum(axis=1)) for p, rows in zip(study.primitives, study.feasible, strict=True)}
+    return Odds(library.hash, f"{plan.law.words}; seed {plan.seed}", plan.prototypes, wins)
 
 
 def chunks_of(prototype: Prototype, primitives: Sequence[Primitive], plan: Plan, kind: str = IMPROVED) -> list[Chunk]:

@@ -22,7 +22,7 @@ from sim_core.batch import Job
 from sim_core.breeding import offspring
 from sim_core.chunks import Chunk, Draw, Runner, Trials, cost_of, run_here
 from sim_core.elements import IMPROVED, KINDS
-from sim_core.elites import Candidate, Elites
+from sim_core.elites import Candidate, Elites, distance_mm
 from sim_core.errors import ParameterError
 from sim_core.library import Library, Primitive
 from sim_core.merit import FEASIBLE, dropped_merit, merit_of, quality, trained_merit
@@ -240,13 +240,20 @@ class Search:
         return joined(self._run(chunks))
 
     def _trained(self, feasible: Sequence[tuple[RollClass, Candidate, float]]) -> list[tuple[RollClass, Candidate]]:
-        """Feasible candidates with the merit of their success rate: a first look at all, the rest for those worth it."""
+        """Feasible candidates with the merit of their success rate: a first look at all that could become elites, the rest for
+        those that still could and won half of it."""
+        feasible = [item for item in feasible if self._could_enter(item[0], item[1].policy, trained_merit(1.0, item[2]))]
         if not feasible:
             return []
         first = tuple(draw for t in self.plan.training for draw in t.draws[:FIRST_LOOK])
         rest = tuple(draw for t in self.plan.training for draw in t.draws[FIRST_LOOK:])
         wins = self._wins([(rolls, c.policy) for rolls, c, _ in feasible], first)
-        worth = [i for i, won in enumerate(wins) if 2 * won >= len(first)]
+        best = [(won + len(rest)) / (len(first) + len(rest)) for won in wins]
+        worth = [
+            i
+            for i, (rolls, candidate, own_quality) in enumerate(feasible)
+            if 2 * wins[i] >= len(first) and self._could_enter(rolls, candidate.policy, trained_merit(best[i], own_quality))
+        ]
         more = dict(zip(worth, self._wins([(feasible[i][0], feasible[i][1].policy) for i in worth], rest), strict=True))
         found = []
         for i, (rolls, candidate, own_quality) in enumerate(feasible):
@@ -259,6 +266,11 @@ class Search:
                 merit = dropped_merit(rate)
             found.append((rolls, candidate._replace(merit=merit, margins=_tried(candidate.margins, rate, trials))))
         return found
+
+    def _could_enter(self, rolls: RollClass, policy: Policy, merit: float) -> bool:
+        """No elite near this policy has more than this merit."""
+        near = (c for c in self._elites[rolls.name].ranked if distance_mm(c.policy, policy) < self.plan.apart_mm)
+        return all(c.merit < merit for c in near)
 
     def _wins(self, policies: Sequence[tuple[RollClass, Policy]], draws: Sequence[Draw]) -> list[int]:
         """Successes of each policy's reference gait on the drawn prototypes. Under a symmetric law these stand for all 24 gaits."""

@@ -235,7 +235,7 @@ def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):
     assert planner.ends() == 0
     wait_until(lambda: robot.bridge.state == BridgeState.HOLD, 0.9, "HOLD before the lease falls silent")
     assert robot.bridge.reason == "cancelled by its commander"
-    stack.start("gait_planner", settle_timeout_s=200.0).says("library first")
+    stack.start("gait_planner", settle_timeout_s=200.0).says("library robust")
 
 
 def test_a_roll_of_a_bridge_that_died_ends_with_the_reason(stack, robot):

@@ -20,7 +20,7 @@ def robots(model):
 @pytest.fixture(scope="module")
 def jobs(model):
     """Good rolls, bad rolls and a wild one, in an order in which lanes end at different times."""
-    library, rng = load_library("first"), np.random.default_rng(5)
+    library, rng = load_library("robust"), np.random.default_rng(5)
     good = [
         Job(i % 3, s, library.gaits(s, t)[0].policy, t) for i, (s, t) in enumerate([("TC6", "TO5"), ("TO1", "TC2"), ("TC8", "TO7")])
     ]

@@ -92,7 +92,7 @@ def test_odds_are_read_as_they_were_written_and_only_for_their_library(odds, tmp
     assert load_odds(LIBRARY, path) == odds
     assert load_odds(LIBRARY) is None
     other = Library("other", "1" * 16, {}, LIBRARY.primitives)
-    with pytest.raises(LibraryError, match="odds .* are of library"):
+    with pytest.raises(LibraryError, match="are of library"):
         load_odds(other, path)
     path.write_text("wins: 3", encoding="utf-8")
     with pytest.raises(LibraryError, match="cannot read odds"):

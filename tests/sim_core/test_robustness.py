@@ -16,7 +16,7 @@ from sim_core.uncertainty import Law, sample
 
 @pytest.fixture(scope="module")
 def library():
-    return load_library("first")
+    return load_library("robust")
 
 
 @pytest.fixture(scope="module")

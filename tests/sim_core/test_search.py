@@ -26,7 +26,7 @@ def found(prototype):
 
 def test_what_is_found_is_feasible_in_the_reference_pair_and_diverse(model, found):
     assert len(found.primitives) == QUICK.keep
-    jobs = [Job(0, *TO_TC[:1], p.policy, TO_TC.target) for p in found.primitives]
+    jobs = [Job(0, TO_TC.source, p.policy, TO_TC.target) for p in found.primitives]
     for primitive, result in zip(found.primitives, roll_many([model], jobs), strict=True):
         assert result.feasible, result.reason
         assert primitive.margins["inside_mm"] == pytest.approx(1e3 * result.margin_m, abs=0.2)

@@ -24,7 +24,7 @@ def chunks():
     """Six small chunks."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sim_core.robustness.CHUNK_JOBS", SMALL)
-        return chunks_of(load_prototype(), load_library("first").primitives[:1], Plan(Law(0.2), 5, 2, one_gait=True))
+        return chunks_of(load_prototype(), load_library("robust").primitives[:1], Plan(Law(0.2), 5, 2, one_gait=True))
 
 
 @pytest.fixture(scope="module")

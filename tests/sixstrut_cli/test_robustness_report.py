@@ -17,7 +17,7 @@ from sixstrut_cli.robustness_report import document_of, text_of, write_tables
 
 @pytest.fixture(scope="module")
 def library():
-    return load_library("first")
+    return load_library("robust")
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,7 @@ def _policies(prototype: Prototype, full: bool) -> list[Job]:
         for roll_class, count in ((TO_TC, 192 if full else 16), (TC_TO, 320 if full else 0))
         for _ in range(count)
     ]
-    for primitive in load_library("first").primitives:
+    for primitive in load_library("robust").primitives:
         for _ in range(4 if full else 1):
             shifted = np.clip(np.array(primitive.policy) + rng.integers(-SHIFT_MM, SHIFT_MM + 1, 6), -limit, limit)
             jobs.append(Job(0, primitive.roll_class.source, checked_policy(shifted.tolist(), limit), primitive.roll_class.target))

@@ -116,7 +116,7 @@ def elements_per_strut(setting: Setting) -> Case:
 def _reference_policy() -> tuple[int, ...]:
     """A policy that rolls the reference pair, from the shipped library; a plain one without it."""
     try:
-        return load_library("first").gaits(REFERENCE_TC, REFERENCE_TO)[0].policy
+        return load_library("robust").gaits(REFERENCE_TC, REFERENCE_TO)[0].policy
     except LibraryError:
         return (-40, 30, -20, 10, 40, -30)
 

@@ -15,7 +15,8 @@ class Entry(NamedTuple):
 _ALL = (
     Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "demo"),
     Entry("roll", "Simulate one roll and judge it.", "roll"),
-    Entry("search", "Find primitives, and rate them on perturbed prototypes.", "search"),
+    Entry("search", "Find primitives with a genetic algorithm: improved, previous or robust.", "search"),
+    Entry("route", "The likeliest sequence of rolls from one face to another.", "route"),
     Entry("robustness", "Try a library's 24 gaits on perturbed prototypes: rates, intervals, what kills them.", "robustness"),
     Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "recheck"),
     Entry("replay", "Step the twin through a recorded session and compare.", "replay"),

@@ -77,7 +77,7 @@ def _computed(robot: Prototype, keep: bool) -> dict[str, Influence]:
     """Compute the influences, with a progress bar; those of the nominal robot are kept beside its parameters."""
     from rich.progress import Progress
 
-    library = load_library("first")
+    library = load_library("robust")
     with Progress(transient=True) as bar:
         task = bar.add_task("varying one number at a time", total=None)
         found = influences(robot, library, report=lambda done, total: bar.update(task, completed=done, total=total))

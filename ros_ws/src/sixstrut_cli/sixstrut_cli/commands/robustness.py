@@ -36,6 +36,9 @@ def command(
     tables: Annotated[
         Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.", show_default=False)
     ] = None,
+    odds: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write every gait's odds here, for the planner.", show_default=False)
+    ] = None,
     cost: Annotated[bool, typer.Option("--cost", help="Also measure and print what a million prototypes cost.")] = False,
     cost_page: Annotated[
         Path | None, typer.Option(metavar="FILE", help="With --cost: the page to put the table into.", show_default=False)
@@ -47,16 +50,17 @@ def command(
     """Roll all 24 gaits of every primitive on perturbed, held-out prototypes: success rates with intervals, which uncertainty kills
     which gait, picture, tables.
 
-    sixstrut robustness first --scale 0.1 --picture first.png --csv first/
-    sixstrut robustness first --groups judged,slope --prototypes 50 --scheduler tcp://host:8786
+    sixstrut robustness robust --scale 0.1 --picture robust.png --csv robust/
+    sixstrut robustness robust --groups judged,slope --prototypes 50 --scheduler tcp://host:8786
     sixstrut robustness mine.yaml --one-gait --design sobol --json
-    sixstrut robustness first --quick --cost
+    sixstrut robustness robust --quick --cost
     """
     from sim_core.attribution import attribute
     from sim_core.chunks import compile_kernels
     from sim_core.library import load_library
+    from sim_core.odds import odds_text
     from sim_core.parameters import load_prototype
-    from sim_core.robustness import HELD_OUT_SEED, Plan, chunks_of, require_held_out, study
+    from sim_core.robustness import HELD_OUT_SEED, Plan, chunks_of, odds_of, require_held_out, study
     from sim_core.uncertainty import Law, groups_of
     from sixstrut_cli.bars import bars
     from sixstrut_cli.cost_report import document_of as cost_document
@@ -84,6 +88,8 @@ def command(
     figures = figures_of(found, chunks_of(robot, primitives, plan)) if cost else None
     if tables is not None:
         write_tables(found, blame, tables)
+    if odds is not None:
+        odds.write_text(odds_text(odds_of(shelf, found)), encoding="utf-8")
     if picture is not None:
         robustness_picture(found, blame, picture, head_of(shelf, found).splitlines()[0] + f", s = {scale:g}")
     if figures is not None and cost_page is not None:
@@ -95,6 +101,6 @@ def command(
     typer.echo(text_of(shelf, found, blame, wall_s))
     if figures is not None:
         typer.echo("\n" + table_of(figures))
-    for path in (picture, tables, cost_page if figures else None):
+    for path in (picture, tables, odds, cost_page if figures else None):
         if path is not None:
             typer.echo(f"wrote {path}")

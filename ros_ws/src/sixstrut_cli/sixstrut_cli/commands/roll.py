@@ -22,7 +22,7 @@ def command(
         str | None,
         typer.Option("--primitive", help="A primitive of the library; default: its best.", show_default=False),
     ] = None,
-    library: LibraryOption = "first",
+    library: LibraryOption = "robust",
     kind: Annotated[str, typer.Option("--model", help="improved, or previous: the paper's two models.")] = "improved",
     perturbation: Annotated[float, typer.Option(help="Scale of a perturbed prototype, 0.05 for ±5 %.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Which perturbed prototype.")] = 1,
