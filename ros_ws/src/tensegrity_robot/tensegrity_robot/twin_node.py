@@ -30,6 +30,7 @@ from sim_core.parameters import load_prototype
 from sim_core.perturbation import MAX_SCALE, perturb
 from sim_core.robot import Robot
 from sim_core.structure import require_face
+from sim_core.warm_up import is_warm
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 from tensegrity_robot import messages, qos
 from tensegrity_robot.errors import StartError
@@ -81,6 +82,8 @@ class TwinNode(Node):
         super().__init__("twin")
         self._end = end
         self._settings = p = declare_parameters(self, TwinParameters)
+        if not is_warm():
+            self.get_logger().info("compiling the solver, once for these sources: some seconds")
         try:
             self._model = _model(p)
             require_face(p.start_face)

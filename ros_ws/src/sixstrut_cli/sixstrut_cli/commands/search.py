@@ -31,9 +31,12 @@ def command(
     from sim_core.parameters import load_prototype
     from sim_core.search import Progress as Step
     from sim_core.search import SearchPlan, search
+    from sim_core.warm_up import Stage
+    from sixstrut_cli.compiling import compile_first
 
     plan = SearchPlan(seed, candidates, keep, training, scale)
     model = build_model(load_prototype(prototype))
+    compile_first(Stage.BATCH)
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
