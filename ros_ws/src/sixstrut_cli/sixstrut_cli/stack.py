@@ -57,6 +57,10 @@ class Stack:
                 env={**os.environ, "PYTHONUNBUFFERED": "1"},
             )
 
+    def pids(self) -> dict[str, int]:
+        """Process numbers, by the names given at the start."""
+        return {name: child.pid for name, child in self._children.items()}
+
     def require_alive(self) -> None:
         """Raise StackError with the last lines of its log if a process has ended."""
         for name, child in self._children.items():
