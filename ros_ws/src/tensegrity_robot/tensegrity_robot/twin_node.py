@@ -37,7 +37,7 @@ from tensegrity_robot.errors import StartError
 from tensegrity_robot.event_stream import Begin, EventStream
 from tensegrity_robot.markers import markers
 from tensegrity_robot.parameters import declare_parameters, parameter
-from tensegrity_robot.process import End, run
+from tensegrity_robot.process import End, age_s, run
 from tensegrity_robot.rest import RestWatch
 from tensegrity_robot.standalone import StandAlone
 
@@ -101,6 +101,7 @@ class TwinNode(Node):
         self._turn = threading.Lock()
         """Whoever steps the model, or shows it, holds it."""
         self._shown: _Shown | None = None
+        self._told_start = False
         self._full_scale_n = TENDON_FULL_SCALE * float(Robot(self._model).cable_forces_n()[:24].mean())
 
         self._state = self.create_publisher(TwinState, "twin/state", qos.STATES)
@@ -218,6 +219,9 @@ class TwinNode(Node):
             self._joint_states.publish(shown.joint_states)
             self._joints.publish(shown.joints)
             self._pose.publish(shown.pose)
+        if not self._told_start:
+            self._told_start = True
+            self.get_logger().info(f"first state published {age_s():.2f} s after the process began")
 
     def _publish_state(self) -> None:
         self._state.publish(self._show().state)

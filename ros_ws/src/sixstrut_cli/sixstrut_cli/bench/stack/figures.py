@@ -37,9 +37,9 @@ QUICK = Plan(seconds=4.0, goals=12, cancels=6, stops=1, messages=20_000, starts=
 
 
 class Spread(NamedTuple):
-    """Quantiles of `count` times in ms; not-a-number if there are none."""
+    """Quantiles of so many times in ms; not-a-number if there are none."""
 
-    count: int
+    times: int
     p50_ms: float
     p99_ms: float
     worst_ms: float
@@ -131,12 +131,39 @@ class Capacity:
 
 @dataclass(frozen=True)
 class Compiling:
-    """Of one stage with an empty cache: seconds, and the functions that took longest, with their own seconds."""
+    """Of one stage with an empty cache.
+
+    Attributes:
+        stage: which. wall_s, cpu_s: time and processor time. functions: how many.
+        longest: those that took longest, with their own seconds, without the functions that they call.
+    """
 
     stage: str
-    seconds: float
+    wall_s: float
+    cpu_s: float
     functions: int
     longest: tuple[tuple[str, float], ...]
+
+
+@dataclass(frozen=True)
+class Compilation:
+    """A process that compiles all stages and ends: wall_s and cpu_s are of all of it, imports too."""
+
+    stages: tuple[Compiling, ...]
+    wall_s: float
+    cpu_s: float
+
+    @property
+    def functions(self) -> int:
+        return sum(stage.functions for stage in self.stages)
+
+
+@dataclass(frozen=True)
+class FirstState:
+    """From the start of a twin's process, in s: until it has published its first state, until somebody hears one."""
+
+    published_s: float
+    heard_s: float
 
 
 @dataclass(frozen=True)
@@ -144,17 +171,32 @@ class StartUp:
     """From nothing to a twin.
 
     Attributes:
-        cold: stages compiled into an empty cache. cold_s: of the process that did it. second_s: of the next such process.
-        second_functions: what that one still compiled.
-        first_state_s: from a twin's start, warm, until somebody hears its first state. cold_first_state_s: with an empty cache.
+        cold, second: with an empty cache, and a process after it. warm: twins that find everything compiled.
+        cold_twin: one that finds nothing.
     """
 
-    cold: tuple[Compiling, ...]
-    cold_s: float
-    second_s: float
-    second_functions: int
-    first_state_s: tuple[float, ...]
-    cold_first_state_s: float
+    cold: Compilation
+    second: Compilation
+    warm: tuple[FirstState, ...]
+    cold_twin: FirstState
+
+
+@dataclass(frozen=True)
+class StackReport:
+    """Everything, and where it was measured. load: processes that wanted to run, before and at the end."""
+
+    processor: str
+    processors: int
+    python: str
+    rmw: str
+    load: tuple[float, float]
+    plan: Plan
+    twins: tuple[TwinCost, ...]
+    latencies: tuple[Latency, ...]
+    recording: Load
+    recorder: Capacity
+    usages: tuple[Usage, ...]
+    start_up: StartUp
 
 
 def spread(times_ms: Sequence[float]) -> Spread:

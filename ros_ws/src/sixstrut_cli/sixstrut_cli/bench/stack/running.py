@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import random
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
@@ -80,7 +80,7 @@ def _start(stack: Stack, folder: Path, plan: Plan) -> None:
 
 
 @contextmanager
-def _twin(probe: Probe, stack: Stack, plan: Plan, doing: str, found: list[TwinCost]):  # type: ignore[no-untyped-def]
+def _twin(probe: Probe, stack: Stack, plan: Plan, doing: str, found: list[TwinCost]) -> Iterator[None]:
     """Measures the twin while the block lasts."""
     pid = stack.pids()["twin"]
     last = probe.ticks[-1][0]
@@ -99,7 +99,7 @@ def twin_cost(doing: str, rate_hz: float, ticks: Sequence[tuple[int, int]], cpu:
 
 
 @contextmanager
-def _load(probe: Probe, bag: Path):  # type: ignore[no-untyped-def]
+def _load(probe: Probe, bag: Path) -> Iterator[list[Load]]:
     """Gives a list that holds, after the block, what the bridge recorded meanwhile."""
     found: list[Load] = []
     journal = bag.with_name(bag.name + ".journal")
