@@ -78,13 +78,13 @@ def _recorder(load: Load, c: Capacity) -> str:
     )
     alone = (
         f"Alone, {c.messages} messages, that session's over and over: {c.messages_per_s:.0f} messages/s, {c.mb_per_s:.1f} MB/s, "
-        "each with the operating system when it counts as written, then "
-        f"{c.finish_s:.1f} s to rewrite, index and read back all at the end. {c.burst} messages at once take {c.call_us:.0f} µs each "
-        f"from their callers, wait in the queue (at most {c.most_waiting}) and are written {c.drained_s:.2f} s after the first."
+        f"each with the operating system when it counts as written, then {c.finish_s:.1f} s to rewrite, index and read back all at "
+        f"the end. {c.burst} messages at once take {c.call_us:.0f} µs each from their callers, wait in the queue (at most "
+        f"{c.most_waiting}) and are written {c.drained_s:.2f} s after the first."
     )
     full = (
-        f"Given messages faster than it can write, without an end, it takes {c.accepted}, then says “{c.fault}”, refuses and counts "
-        f"the rest ({c.lost} here), and its log holds {c.recorded}: nothing is dropped silently."
+        f"Given messages faster than it can write, without an end, it takes {c.accepted}, then says “{c.fault}”, refuses and "
+        f"counts the rest ({c.lost} here), and its log holds {c.recorded}: nothing is dropped silently."
     )
     return "\n\n".join((running, alone, full))
 

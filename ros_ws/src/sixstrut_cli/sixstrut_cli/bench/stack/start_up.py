@@ -41,7 +41,10 @@ def _compile(cache: Path) -> Compilation:
     )
     wall_s = time.monotonic() - began
     rows, cpu_s = json.loads(done.stdout)
-    stages = tuple(Compiling(*row[:4], longest=tuple((name, own_s) for name, own_s in row[4])) for row in rows)
+    stages = tuple(
+        Compiling(stage, took_s, used_s, count, tuple((name, own_s) for name, own_s in longest))
+        for stage, took_s, used_s, count, longest in rows
+    )
     return Compilation(stages, wall_s, cpu_s)
 
 
