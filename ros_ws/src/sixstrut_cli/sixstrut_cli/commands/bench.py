@@ -17,7 +17,7 @@ def command(
         bool, typer.Option("--stack", help="What the stack itself costs instead: twin, latency, recorder, processes, start.")
     ] = False,
     quick: Annotated[
-        bool, typer.Option("--quick", help="About a minute, rougher figures; writes only to --output.", show_default=False)
+        bool, typer.Option("--quick", help="A minute or two, rougher figures; writes only to --output.", show_default=False)
     ] = False,
     threads: Annotated[
         int | None,
@@ -37,7 +37,8 @@ def command(
 ) -> None:
     """Measure the solver beside MuJoCo: the same robot, the same policies, one run (about five minutes).
 
-    The first run installs MuJoCo into .sixstrut/, not into .venv. Leave the computer alone while it measures.
+    The first run installs MuJoCo into .sixstrut/, not into .venv. With --stack, measure what the stack itself costs instead (about
+    as long, no MuJoCo). Leave the computer alone while it measures.
 
     sixstrut bench
     sixstrut bench --stack

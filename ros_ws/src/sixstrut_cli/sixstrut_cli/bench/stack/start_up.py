@@ -24,9 +24,9 @@ SAID = re.compile(r"first state published ([0-9.]+) s after")
 def measure(plan: Plan, folder: Path) -> StartUp:
     """Compile into a cache of its own under `folder`, twice; start twins. Raises StackError."""
     cold, second = (_compile(folder / "cache") for _ in range(2))
-    _first_state(folder / "before", folder / "cache")
-    warm = tuple(_first_state(folder / f"start-{number}", folder / "cache") for number in range(plan.starts))
-    return StartUp(cold, second, warm, _first_state(folder / "cold", folder / "another-cache"))
+    first_state(folder / "before", folder / "cache")
+    warm = tuple(first_state(folder / f"start-{number}", folder / "cache") for number in range(plan.starts))
+    return StartUp(cold, second, warm, first_state(folder / "cold", folder / "another-cache"))
 
 
 def _compile(cache: Path) -> Compilation:
@@ -48,7 +48,7 @@ def _compile(cache: Path) -> Compilation:
     return Compilation(stages, wall_s, cpu_s)
 
 
-def _first_state(folder: Path, cache: Path) -> FirstState:
+def first_state(folder: Path, cache: Path) -> FirstState:
     """A twin without a bridge, heard by somebody who was there before."""
     with Stack(folder) as stack, Probe(stack) as probe:
         began_ns = time.monotonic_ns()
