@@ -55,3 +55,13 @@ def test_a_twin_tells_when_its_first_state_was_out(tmp_path, domain, monkeypatch
     first = start_up.first_state(tmp_path, tmp_path / "cache")
     assert first.published_s > 0.0
     assert first.heard_s > 0.0
+
+
+def test_a_twin_that_has_to_compile_says_so_once(processes, tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    first = processes.start("twin")
+    first.says("first state published")
+    assert "compiling the solver" in first.output
+    second = processes.start("twin")
+    second.says("first state published")
+    assert "compiling the solver" not in second.output

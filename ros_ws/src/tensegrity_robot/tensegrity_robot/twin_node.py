@@ -25,12 +25,12 @@ from visualization_msgs.msg import MarkerArray
 from hardware_bridge.streamer import Streamer
 from sim_core.errors import SimError
 from sim_core.follow import Event, Follower, Observed
-from sim_core.model import Model, build_model
+from sim_core.model import build_model
 from sim_core.parameters import load_prototype
 from sim_core.perturbation import MAX_SCALE, perturb
 from sim_core.robot import Robot
 from sim_core.structure import require_face
-from sim_core.warm_up import is_warm
+from sim_core.warm_up import Stage, is_warm, warm_up
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 from tensegrity_robot import messages, qos
 from tensegrity_robot.errors import StartError
@@ -82,11 +82,13 @@ class TwinNode(Node):
         super().__init__("twin")
         self._end = end
         self._settings = p = declare_parameters(self, TwinParameters)
-        if not is_warm():
-            self.get_logger().info("compiling the solver, once for these sources: some seconds")
         try:
-            self._model = _model(p)
             require_face(p.start_face)
+            prototype = load_prototype(p.prototype_file or None)
+            if not is_warm():
+                self.get_logger().info("compiling the solver, once for these sources: some seconds")
+                warm_up([Stage.ROBOT])
+            self._model = perturb(build_model(prototype), p.perturbation, p.seed)
             self._alone = StandAlone(self._model, p.start_face, p.time_scale) if p.mode == "standalone" else None
             self._follower = Follower(self._model, p.start_face)
         except SimError as error:
@@ -281,10 +283,6 @@ class TwinNode(Node):
         with self._turn:
             robot = self._robot.copy()
         self._markers.publish(markers(robot, robot.footing().face or "", self._header(), self._full_scale_n))
-
-
-def _model(p: TwinParameters) -> Model:
-    return perturb(build_model(load_prototype(p.prototype_file or None)), p.perturbation, p.seed)
 
 
 def main(args: list[str] | None = None) -> int:
