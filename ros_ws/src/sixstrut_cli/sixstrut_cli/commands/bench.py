@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -64,6 +65,7 @@ def _say(what: str) -> None:
 def _measure_stack(quick: bool, path: Path | None, as_json: bool) -> None:
     from sixstrut_cli.bench.stack import figures, measure, report
 
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes have to be ended
     result = measure.measure(figures.QUICK if quick else figures.Plan(), _say)
     if path is not None:
         picture = path.parent / "images" / f"{path.stem}.png"
