@@ -3,6 +3,7 @@
 import json
 import math
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -104,7 +105,10 @@ def whole():
         figures.Capacity(100, 5e4, 20.0, 0.5, 10, 7.0, 9, 0.1, 20_000, 25_000, 10, 25_000, "full"),
         (figures.Usage("twin", 1.5, 0.25, 200.0, 100.0), figures.Usage("all", 1.5, 0.25, 200.0, 100.0)),
         figures.StartUp(
-            compiled, compiled, (figures.FirstState(0.9, 1.2), figures.FirstState(1.1, 3.4)), figures.FirstState(5.0, 6.0)
+            compiled,
+            compiled,
+            (figures.FirstState(0.9, 1.2, 0.8), figures.FirstState(1.1, 3.4, 0.8)),
+            figures.FirstState(5.0, 6.0, 4.0),
         ),
     )
 
@@ -122,6 +126,8 @@ def test_the_page_holds_every_figure(whole):
 
 
 def test_it_is_also_json_and_a_picture(whole, tmp_path):
-    assert json.loads(report.as_json(whole))["twins"][0]["uneven"] == [2, 1.0, pytest.approx(1.49), 1.5]
+    document = json.loads(report.as_json(replace(whole, load=(float("nan"), 1.0))))
+    assert document["twins"][0]["uneven"] == [2, 1.0, pytest.approx(1.49), 1.5]
+    assert document["load"] == [None, 1.0]
     report.draw(whole, tmp_path / "images" / "x.png")
     assert (tmp_path / "images" / "x.png").stat().st_size > 10_000

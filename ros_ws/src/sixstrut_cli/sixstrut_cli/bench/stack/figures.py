@@ -160,10 +160,12 @@ class Compilation:
 
 @dataclass(frozen=True)
 class FirstState:
-    """From the start of a twin's process, in s: until it has published its first state, until somebody hears one."""
+    """From the start of a twin's process, in s: until it has published its first state, until somebody hears one; and the processor
+    time that it has used by then."""
 
     published_s: float
     heard_s: float
+    cpu_s: float
 
 
 @dataclass(frozen=True)

@@ -8,6 +8,7 @@ import statistics
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from sixstrut_cli.bench.report import table
 from sixstrut_cli.bench.stack.figures import Capacity, Latency, Load, Spread, StackReport, StartUp, TwinCost, Usage
@@ -15,7 +16,17 @@ from sixstrut_cli.pictures import STRUT_COLORS, new_figure
 
 
 def as_json(report: StackReport) -> str:
-    return json.dumps(asdict(report), indent=1)
+    """All figures; null for those that could not be measured."""
+    return json.dumps(_plain(asdict(report)), indent=1)
+
+
+def _plain(value: Any) -> Any:
+    """Without not-a-number, which JSON has not."""
+    if isinstance(value, dict):
+        return {key: _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return None if isinstance(value, float) and math.isnan(value) else value
 
 
 def as_markdown(report: StackReport, picture: str | None) -> str:
@@ -109,7 +120,8 @@ def _start_up(s: StartUp) -> str:
     rows.append(["the next process", f"{s.second.wall_s:.1f}", f"{s.second.cpu_s:.1f}", f"{s.second.functions}", ""])
     published, heard = ([getattr(state, name) for state in s.warm] for name in ("published_s", "heard_s"))
     first = (
-        f"A twin publishes its first state {_median(published)} after its process began when everything is compiled, and after "
+        f"A twin publishes its first state {_median(published)} after its process began when everything is compiled "
+        f"({statistics.median(state.cpu_s for state in s.warm):.2f} s of processor time until somebody hears it), and after "
         f"{s.cold_twin.published_s:.1f} s with an empty cache. Somebody who was there before hears one, warm, after "
         f"{_median(heard)}: middleware in two processes has to find each other first."
     )

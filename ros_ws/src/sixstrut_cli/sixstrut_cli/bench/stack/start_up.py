@@ -15,6 +15,7 @@ from pathlib import Path
 from sim_core.warm_up import ALL, warm_up
 from sixstrut_cli.bench.stack.figures import Compilation, Compiling, FirstState, Plan, StartUp
 from sixstrut_cli.bench.stack.probe import START_LIMIT_S, Probe
+from sixstrut_cli.bench.stack.usage import cpu_s
 from sixstrut_cli.stack import Stack, executable
 
 LONGEST = 6
@@ -40,12 +41,12 @@ def _compile(cache: Path) -> Compilation:
         check=True,
     )
     wall_s = time.monotonic() - began
-    rows, cpu_s = json.loads(done.stdout)
+    rows, whole_s = json.loads(done.stdout)
     stages = tuple(
         Compiling(stage, took_s, used_s, count, tuple((name, own_s) for name, own_s in longest))
         for stage, took_s, used_s, count, longest in rows
     )
-    return Compilation(stages, wall_s, cpu_s)
+    return Compilation(stages, wall_s, whole_s)
 
 
 def first_state(folder: Path, cache: Path) -> FirstState:
@@ -55,7 +56,8 @@ def first_state(folder: Path, cache: Path) -> FirstState:
         stack.start("twin", [executable("tensegrity_robot", "twin")], {"NUMBA_CACHE_DIR": str(cache)})
         probe.wait(lambda: probe.states, "the twin's first state", START_LIMIT_S)
         probe.wait(lambda: published_s(folder / "twin.log"), "the twin's word about it")
-        return FirstState(published_s(folder / "twin.log") or 0.0, 1e-9 * (probe.states[0] - began_ns))
+        used_s = cpu_s(stack.pids()["twin"])
+        return FirstState(published_s(folder / "twin.log") or 0.0, 1e-9 * (probe.states[0] - began_ns), used_s)
 
 
 def published_s(log: Path) -> float | None:
