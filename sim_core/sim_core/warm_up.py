@@ -37,7 +37,7 @@ ALL = tuple(Stage)
 
 
 class Compiled(NamedTuple):
-    """A function that was compiled: its name, for which stage, in what time without the functions that it calls."""
+    """A function that was compiled: its name, for which stage, in what processor time without the functions that it calls."""
 
     name: str
     stage: Stage
@@ -105,11 +105,11 @@ class _Watch(event.Listener):
 
     def on_start(self, happening: Any) -> None:
         self._report(_name(happening), len(self.done))
-        self._open.append([time.perf_counter(), 0.0])
+        self._open.append([time.process_time(), 0.0])
 
     def on_end(self, happening: Any) -> None:
         start_s, inside_s = self._open.pop()
-        whole_s = time.perf_counter() - start_s
+        whole_s = time.process_time() - start_s
         if self._open:
             self._open[-1][1] += whole_s
         self.done.append(Compiled(_name(happening), self.stage, whole_s - inside_s))

@@ -135,7 +135,7 @@ class Compiling:
 
     Attributes:
         stage: which. wall_s, cpu_s: time and processor time. functions: how many.
-        longest: those that took longest, with their own seconds, without the functions that they call.
+        longest: those that took longest, with their own processor seconds, without the functions that they call.
     """
 
     stage: str

@@ -130,7 +130,7 @@ def _start_up(s: StartUp) -> str:
         "`NUMBA_CACHE_DIR`, in a folder named by a hash of all sources of the solver; in it a function is found by its file's time "
         "of change, its arguments' types, the versions of numba and Python, and the processor."
     )
-    return "\n\n".join((compiling, table(["", "s", "processor, s", "functions", "longest, own s"], rows), first))
+    return "\n\n".join((compiling, table(["", "s", "processor, s", "functions", "longest, own processor s"], rows), first))
 
 
 def _median(times_s: Sequence[float]) -> str:
