@@ -71,7 +71,8 @@ def aligned_rows(rows: int) -> Array:
 def _run(state, par, work, track, assembly, shared, rules, robots, starts, jobs, neutral, targets, records, peaks, centers):
     """Run jobs (model, start, source face, aim) one after the other through eight lanes."""
     job_of_lane = np.full(WIDTH, -1)
-    following, running = 0, 0
+    running = jobs.shape[0] - jobs.shape[0]  # a variable zero: a literal one would have `_load` compiled twice
+    following = running
     for lane in range(WIDTH):
         if following < jobs.shape[0]:
             _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
@@ -80,7 +81,7 @@ def _run(state, par, work, track, assembly, shared, rules, robots, starts, jobs,
             running += 1
         else:  # an idle lane repeats the first robot
             for rows in (state, par, work):
-                rows[:, lane] = rows[:, 0]
+                _copy(rows[:, 0], rows[:, lane])
             _copy_body(assembly.body, lane)
     while running > 0:
         if shared.static:
@@ -103,12 +104,20 @@ def _run(state, par, work, track, assembly, shared, rules, robots, starts, jobs,
             w.center_of_mass(state[:, lane], own.mass, centers[job])
             if following < jobs.shape[0]:
                 _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
-                track[:, lane] = 0.0
+                for row in range(track.shape[0]):
+                    track[row, lane] = 0.0
                 job_of_lane[lane] = following
                 following += 1
             else:
                 job_of_lane[lane] = -1
                 running -= 1
+
+
+@njit(cache=True)
+def _copy(source, to):
+    """Copy a column. (A slice assignment compiles ten times as long: it has messages about shapes.)"""
+    for row in range(to.shape[0]):
+        to[row] = source[row]
 
 
 @njit(cache=True)
@@ -135,9 +144,9 @@ def _load(state, par, work, assembly, lane, job, shared, rules, robots, starts, 
     """Put a job's robot, settled, into a lane."""
     model, start = jobs[job, 0], jobs[job, 1]
     rows = state.shape[0]
-    state[:, lane] = starts[start, :rows]
-    work[:, lane] = starts[start, rows:]
-    par[:, lane] = robots.par[model]
+    _copy(starts[start, :rows], state[:, lane])
+    _copy(starts[start, rows:], work[:, lane])
+    _copy(robots.par[model], par[:, lane])
     _put_body(assembly.body, lane, robots.body, model)
     own = _own(rules, robots, model)
     w.begin(state[:, lane], work[:, lane], records[job], own, shared.struts, jobs[job, 2], jobs[job, 3], neutral[model])
@@ -151,14 +160,14 @@ def _load(state, par, work, assembly, lane, job, shared, rules, robots, starts, 
 def _put_body(body, lane, bodies, model):
     """Put a model's body into a lane, where lanes have their own."""
     if body.ndim == 2:
-        body[:, lane] = bodies[model]
+        _copy(bodies[model], body[:, lane])
 
 
 @njit(cache=True)
 def _copy_body(body, lane):
     """Put the first lane's body into another, where lanes have their own."""
     if body.ndim == 2:
-        body[:, lane] = body[:, 0]
+        _copy(body[:, 0], body[:, lane])
 
 
 @njit(nogil=True, cache=True)

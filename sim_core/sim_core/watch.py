@@ -83,7 +83,8 @@ def begin(state, work, record, rules, struts, source, aim, neutral):
         state[struts + s * k.STRUT_ROWS + k.PEAK] = 0.0
     center = np.empty(3)
     center_of_mass(state, rules.mass, center)
-    record[START : START + 3] = center
+    for axis in range(3):  # not a slice: its check of shapes takes seconds to compile
+        record[START + axis] = center[axis]
     see(state, work, record, rules)
 
 

@@ -60,6 +60,8 @@ def command(
     from sim_core.parameters import load_prototype
     from sim_core.search import Search
     from sim_core.shipped import PLANS
+    from sim_core.warm_up import Stage
+    from sixstrut_cli.compiling import compile_first
     from sixstrut_cli.farm import runner_of
     from sixstrut_cli.search_picture import library_picture
 
@@ -73,6 +75,8 @@ def command(
         changes["name"] = path.stem
     plan = replace(PLANS[plan_name.value], **changes)
     robot = load_prototype(prototype)
+    if scheduler is None:
+        compile_first(Stage.BATCH)
     stopped = path.with_suffix(".search.json")
     state = None if fresh else _read(stopped)
     with runner_of(scheduler) as runner:
@@ -126,7 +130,7 @@ def _run(search: Search, keep: Path) -> bool:
         TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
     )  # fmt: skip
     with Progress(*columns, console=Console(stderr=True)) as bars:
-        task = bars.add_task("compiling, then breeding", total=1.0, found="", speed="")
+        task = bars.add_task("generation 0", total=1.0, found="", speed="")
         try:
             while not search.done:
                 search.step()
