@@ -4,6 +4,7 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+import yaml
 
 from sim_core.batch import Job, roll_many
 from sim_core.chunks import run_chunk
@@ -65,7 +66,7 @@ def test_training_ranks_by_success_on_the_training_prototypes(prototype):
     assert rates == sorted(rates, reverse=True)
     assert all(p.margins["trials"] == 16 for p in library.primitives)
     assert library.provenance["training_trials"] > 0
-    assert parse_library(__import__("yaml").safe_load(library_text(library)), "text").hash == library.hash
+    assert parse_library(yaml.safe_load(library_text(library)), "text").hash == library.hash
 
 
 def test_the_slope_before_the_first_success_rises_towards_the_edge(prototype):
@@ -78,8 +79,13 @@ def test_the_slope_before_the_first_success_rises_towards_the_edge(prototype):
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"active": 0}, "0 active struts"), ({"kind": "newest"}, "unknown model 'newest'"), ({"classes": ("TC1-TO1",)}, "TC1-TO1"), ({"keep": 0}, "keep 0")],
-)  # fmt: skip
+    [
+        ({"active": 0}, "0 active struts"),
+        ({"kind": "newest"}, "unknown model 'newest'"),
+        ({"classes": ("TC1-TO1",)}, "TC1-TO1"),
+        ({"keep": 0}, "keep 0"),
+    ],
+)
 def test_a_plan_that_makes_no_sense_is_refused(change, message):
     with pytest.raises(ParameterError, match=message):
         replace(QUICK, **change)
