@@ -2,7 +2,6 @@ import json
 from dataclasses import replace
 from itertools import combinations
 
-import numpy as np
 import pytest
 import yaml
 
@@ -11,7 +10,6 @@ from sim_core.chunks import run_chunk
 from sim_core.elites import distance_mm
 from sim_core.errors import ParameterError
 from sim_core.library import library_text, parse_library
-from sim_core.merit import FEASIBLE
 from sim_core.search import Search, SearchPlan, Training, search
 from sim_core.shipped import PLANS
 from sim_core.symmetry import TC_TO, TO_TC
@@ -69,12 +67,14 @@ def test_training_ranks_by_success_on_the_training_prototypes(prototype):
     assert parse_library(yaml.safe_load(library_text(library)), "text").hash == library.hash
 
 
-def test_the_slope_before_the_first_success_rises_towards_the_edge(prototype):
-    """Of policies that do not roll, the one whose centre of mass gets farther past an edge has more merit."""
-    running = Search(prototype, replace(QUICK, classes=(TC_TO.name,), offspring=64))
+def test_before_the_first_success_merit_is_how_far_the_centre_of_mass_got_past_an_edge(model, prototype):
+    running = Search(prototype, replace(QUICK, classes=(TC_TO.name,), offspring=32))
     running.step()
-    merits = [c.merit for c in running._elites[TC_TO.name].ranked if c.merit < FEASIBLE]
-    assert np.ptp(merits) > 0.1
+    stuck = [c for c in running._elites[TC_TO.name].ranked if c.merit < 1.0]
+    results = roll_many([model], [Job(0, TC_TO.source, c.policy) for c in stuck])
+    past = [max(result.past_edge_m.values()) for result in results]
+    assert len(past) > 5
+    assert past == pytest.approx(sorted(past, reverse=True), abs=1e-6)
 
 
 @pytest.mark.parametrize(
