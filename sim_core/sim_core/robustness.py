@@ -22,7 +22,7 @@ from sim_core.uncertainty import Law
 
 HELD_OUT_SEED = 90_001
 """Of the final figures' prototypes; no search may train on it."""
-CHUNK_JOBS = 1500
+CHUNK_JOBS = 1000
 """About how many rolls make a chunk. It does not depend on the workers, so neither do results."""
 GAITS = 24
 

@@ -76,7 +76,7 @@ def command(
         primitives = tuple(p for rows in classes.values() for p in rows[:QUICK_PRIMITIVES])
     if scheduler is None:
         compile_kernels(robot)  # not counted as work
-    with bars("rolls") as bar, runner_of(scheduler) as run:
+    with runner_of(scheduler) as run, bars("rolls") as bar:
         began = perf_counter()
         found = study(robot, primitives, plan, run, bar("trials"))
         wall_s = perf_counter() - began
