@@ -53,8 +53,9 @@ class Cost(NamedTuple):
     """What work took.
 
     Attributes:
-        robot_s: simulated time, settling included. core_s: wall time × threads that it could use, so a bound from above.
-        build_s: the part of core_s in which prototypes were drawn and built, by one thread.
+        robot_s: simulated time, settling included.
+        core_s: processor time of the process, or wall time × threads if that is less (others work in the same process).
+        build_s: wall time in which prototypes were drawn and built, by one thread.
         trials: rolls done.
     """
 
@@ -104,14 +105,14 @@ def run_chunk(chunk: Chunk, threads: int = 1, report: Report = silent) -> Trials
     Raises:
         ParameterError, ModelError: a prototype that cannot be built.
     """
-    began = time.perf_counter()
+    began, began_cpu = time.perf_counter(), time.process_time()
     models = _models_of(chunk)
     built = time.perf_counter()
     results = Batch(models, threads).run(chunk.jobs, report)
-    ended = time.perf_counter()
+    core_s = min(time.process_time() - began_cpu, threads * (time.perf_counter() - began))
     starts = len({(job.model, job.source) for job in chunk.jobs})
     robot_s = sum(result.duration_s for result in results) + SETTLE_S * starts
-    cost = Cost(robot_s, threads * (ended - began), threads * (built - began), len(results))
+    cost = Cost(robot_s, core_s, built - began, len(results))
     return trials_of(results, cost)
 
 

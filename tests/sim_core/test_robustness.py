@@ -55,7 +55,7 @@ def test_rates_and_costs_add_up(found):
     assert sum(rate.successes for rate in found.rates) == found.feasible.sum()
     assert [sum(rate.successes for rate in row) for row in found.gait_rates] == [rate.successes for rate in found.rates]
     assert 96 * 5 < found.cost.robot_s < 96 * 40
-    assert 0 < found.cost.build_s < found.cost.core_s
+    assert found.cost.build_s > 0
 
 
 def test_progress_counts_rolls_to_the_end(prototype, library, plan):
@@ -130,3 +130,7 @@ def test_a_prototype_that_cannot_be_built_is_named(prototype):
 def test_a_study_can_be_done_in_slices(prototype, library, plan, found):
     second = study(prototype, library.primitives[:2], replace(plan, prototypes=1, first=1))
     assert second.margin_m.tobytes() == found.margin_m[:, :, 1:].tobytes()
+
+
+def test_cost_is_processor_time_and_never_more_than_the_threads_could_use(found):
+    assert 0 < found.cost.core_s < found.cost.robot_s
