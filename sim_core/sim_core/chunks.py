@@ -75,13 +75,21 @@ class Cost(NamedTuple):
 
 
 class Trials(NamedTuple):
-    """Outcomes of a chunk's jobs, in their order; see `RollResult` for meanings. Arrays are (jobs,)."""
+    """Outcomes of a chunk's jobs, in their order; see `RollResult` for meanings. Arrays are (jobs,).
+
+    Attributes:
+        past_edge_m: over the edge that the centre of mass got past the farthest. toward: the wanted face; of a job that wanted
+            none, the adjacent face that it landed on, else the one behind that edge. landed: it stood on that face after actuation.
+    """
 
     feasible: NDArray[np.bool_]
     margin_m: NDArray[np.float32]
     clearance_m: NDArray[np.float32]
     peak_force_n: NDArray[np.float32]
     duration_s: NDArray[np.float32]
+    past_edge_m: NDArray[np.float32]
+    toward: tuple[str, ...]
+    landed: tuple[bool, ...]
     reason: tuple[str, ...]
     cost: Cost
 
@@ -106,9 +114,9 @@ def run_chunk(chunk: Chunk, threads: int = 1, report: Report = silent) -> Trials
         ParameterError, ModelError: a prototype that cannot be built.
     """
     began, began_cpu = time.perf_counter(), time.process_time()
-    models = _models_of(chunk)
+    batch = _batch_of(chunk.prototype, chunk.kind, chunk.draws, threads)
     built = time.perf_counter()
-    results = Batch(models, threads).run(chunk.jobs, report)
+    results = batch.run(chunk.jobs, report)
     core_s = min(time.process_time() - began_cpu, threads * (time.perf_counter() - began))
     starts = len({(job.model, job.source) for job in chunk.jobs})
     robot_s = sum(result.duration_s for result in results) + SETTLE_S * starts
@@ -128,9 +136,18 @@ def trials_of(results: Sequence[RollResult], cost: Cost) -> Trials:
         column("clearance_m"),
         column("peak_force_n"),
         column("duration_s"),
+        np.array([max(result.past_edge_m.values()) for result in results], dtype=np.float32),
+        tuple(_toward(result) for result in results),
+        tuple(result.actuated.face == _toward(result) for result in results),
         tuple(result.reason for result in results),
         cost,
     )
+
+
+def _toward(result: RollResult) -> str:
+    if result.target in result.past_edge_m:
+        return result.target
+    return max(result.past_edge_m, key=lambda face: result.past_edge_m[face])
 
 
 @lru_cache(maxsize=4)
@@ -138,20 +155,25 @@ def _nominal(prototype: Prototype, kind: str) -> Model:
     return build_model(prototype, kind=kind)
 
 
-def _models_of(chunk: Chunk) -> list[Model]:
-    nominal = _nominal(chunk.prototype, chunk.kind)
-    models: dict[int, Model] = {number: nominal for number, draw in enumerate(chunk.draws) if draw is None}
+@lru_cache(maxsize=4)
+def _batch_of(prototype: Prototype, kind: str, draws: tuple[Draw | None, ...], threads: int) -> Batch:
+    """The robots of a chunk, settled on faces as they were needed: a search comes back to the same ones again and again."""
+    return Batch(_models_of(_nominal(prototype, kind), draws), threads)
+
+
+def _models_of(nominal: Model, draws: Sequence[Draw | None]) -> list[Model]:
+    models: dict[int, Model] = {number: nominal for number, draw in enumerate(draws) if draw is None}
     rows: dict[tuple[Law, int], list[int]] = {}
-    for number, draw in enumerate(chunk.draws):
+    for number, draw in enumerate(draws):
         if draw is not None:
             rows.setdefault((draw.law, draw.seed), []).append(number)
     for (law, seed), numbers in rows.items():
-        indices = [draw.number for draw in chunk.draws if draw is not None and (draw.law, draw.seed) == (law, seed)]
+        indices = [draw.number for draw in draws if draw is not None and (draw.law, draw.seed) == (law, seed)]
         try:
             models |= zip(numbers, sample_at(nominal, law, seed, indices), strict=True)
         except ModelError as error:
             raise ModelError(f"a prototype of seed {seed} at ±{100 * law.scale:g} % cannot be built: {error}") from error
-    return [models[number] for number in range(len(chunk.draws))]
+    return [models[number] for number in range(len(draws))]
 
 
 def run_here(chunks: Sequence[Chunk], report: Report = silent) -> list[Trials]:

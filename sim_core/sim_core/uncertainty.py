@@ -124,6 +124,10 @@ GROUPS: dict[str, Group] = {
 """Every uncertainty, all uniform. The order is that of the draws: append, never insert."""
 JUDGED = ("stiffness", "rest_length", "mass", "stroke", "friction")
 """The agreed law of judgement."""
+MAX_INCLINE_DEG = 20.0
+GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
+INCLINE_STREAM = 25
+"""Sets the directions of inclines apart from other uses of the same seed."""
 IMPROVED_ONLY = ("joint_size", "payload")
 """The previous model's joints and box are points."""
 
@@ -148,12 +152,14 @@ class Law:
         groups: names of the uncertainties that are on.
         correlation: of the members of a batch, in [0, 1): that of the normal variates of a Gaussian copula; ranges stay uniform.
         design: INDEPENDENT or SOBOL (scrambled, seeded).
+        incline_deg: besides, the ground is inclined by this much; downhill is another direction for every prototype, all round.
     """
 
     scale: float = 0.05
     groups: tuple[str, ...] = JUDGED
     correlation: float = 0.0
     design: str = INDEPENDENT
+    incline_deg: float = 0.0
 
     def __post_init__(self) -> None:
         if not 0.0 <= self.scale <= MAX_SCALE:
@@ -165,6 +171,8 @@ class Law:
             raise ParameterError(f"correlation {self.correlation!r}: valid is a number in [0, 1)")
         if self.design not in DESIGNS:
             raise ParameterError(f"unknown design {self.design!r}: valid are {', '.join(DESIGNS)}")
+        if not 0.0 <= self.incline_deg <= MAX_INCLINE_DEG:
+            raise ParameterError(f"incline {self.incline_deg!r} degrees: valid is a number in [0, {MAX_INCLINE_DEG}]")
         object.__setattr__(self, "groups", tuple(name for name in GROUPS if name in self.groups))
 
     def only(self, group: str) -> Law:
@@ -185,7 +193,8 @@ class Law:
         """The law, for people and for provenance."""
         text = f"uniform at scale s = {self.scale:g}: " + (", ".join(GROUPS[name].what for name in self.groups) or "nothing")
         shared = f"members of a batch correlated by {self.correlation:g}" if self.correlation else "independent"
-        return f"{text}; {shared}; {self.design} design"
+        incline = f"; ground inclined by {self.incline_deg:g} degrees, downhill all round" if self.incline_deg else ""
+        return f"{text}; {shared}; {self.design} design{incline}"
 
 
 def errors_of(model: Model, law: Law, seed: int, indices: Sequence[int]) -> dict[str, Array]:
@@ -230,7 +239,18 @@ def prototype_of(model: Model, law: Law, errors: Mapping[str, Array]) -> Model:
 def sample_at(model: Model, law: Law, seed: int, indices: Sequence[int]) -> list[Model]:
     """Prototypes `indices` of the endless row that (model, law, seed) stands for: each the same in whatever company it is drawn."""
     errors = errors_of(model, law, seed, indices)
-    return [prototype_of(model, law, {name: rows[k] for name, rows in errors.items()}) for k in range(len(indices))]
+    found = [prototype_of(model, law, {name: rows[k] for name, rows in errors.items()}) for k in range(len(indices))]
+    if law.incline_deg == 0.0:
+        return found
+    return [_inclined(prototype, law.incline_deg, seed, index) for prototype, index in zip(found, indices, strict=True)]
+
+
+def _inclined(model: Model, incline_deg: float, seed: int, index: int) -> Model:
+    """On inclined ground. Directions of consecutive prototypes are spread by the golden ratio; the seed turns them all."""
+    share = (GOLDEN * (index + 1) + np.random.default_rng([seed, INCLINE_STREAM]).random()) % 1.0
+    downhill = 2.0 * math.pi * share
+    slope = math.radians(incline_deg) * np.array([-math.sin(downhill), math.cos(downhill)])
+    return build_model(model.prototype, _slope(model.elements, slope))
 
 
 def sample(model: Model, law: Law, count: int, seed: int) -> list[Model]:

@@ -75,14 +75,19 @@ def same_face_at_a_finer_step(setting: Setting) -> Case:
 
 
 def same_face_with_stiffer_struts(setting: Setting) -> Case:
-    """EA/L against ten times that: are the struts rigid in effect?"""
-    stiffness = STIFFER * setting.prototype.strut_axial_stiffness_n_m
-    steps = int(np.ceil(np.sqrt(STIFFER))) * setting.prototype.steps_per_second
-    stiffer = replace(setting.prototype, strut_axial_stiffness_n_m=stiffness, steps_per_second=steps)
+    """Struts ten times stiffer in every way: are they rigid in effect?"""
+    p = setting.prototype
+    stiffer = replace(
+        p,
+        strut_axial_stiffness_n_m=STIFFER * p.strut_axial_stiffness_n_m,
+        strut_bending_stiffness_n_m2=STIFFER * p.strut_bending_stiffness_n_m2,
+        strut_torsion_stiffness_n_m2=STIFFER * p.strut_torsion_stiffness_n_m2,
+        steps_per_second=int(np.ceil(np.sqrt(STIFFER))) * p.steps_per_second,
+    )
     return _compared(
         setting,
         stiffer,
-        "final face with axially stiffer struts",
-        f"Share of the policies that roll with EA/L or with {STIFFER:g} times that and end on the same face.",
-        "at least nine of ten; the model's EA/L was chosen soft for the sake of the time step",
+        "final face with stiffer struts",
+        f"Share of the policies that roll with the struts' EA, EI and GJ or with {STIFFER:g} times those and end on the same face.",
+        "at least nine of ten; the struts were chosen soft for the sake of the time step",
     )

@@ -49,8 +49,8 @@ def figures_of(study: Study, chunks: list[Chunk]) -> Figures:
 def no_work(chunk: Chunk, sources: str) -> Trials:
     """Trials as large as a chunk's, of nothing done."""
     n = len(chunk.jobs)
-    a, b, c, d = np.zeros((4, n), dtype=np.float32)
-    return Trials(np.zeros(n, dtype=np.bool_), a, b, c, d, ("",) * n, Cost())
+    a, b, c, d, e = np.zeros((5, n), dtype=np.float32)
+    return Trials(np.zeros(n, dtype=np.bool_), a, b, c, d, e, ("",) * n, (False,) * n, ("",) * n, Cost())
 
 
 def _overhead_s(chunk: Chunk) -> float:
