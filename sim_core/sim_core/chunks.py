@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +47,19 @@ class Chunk:
     draws: tuple[Draw | None, ...]
     jobs: tuple[Job, ...]
     kind: str = IMPROVED
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled small: the same rolls come again for each robot, and are sent once."""
+        rolls = {job[1:]: 0 for job in self.jobs}
+        rolls = {roll: number for number, roll in enumerate(rolls)}
+        table = np.array([(job.model, rolls[job[1:]]) for job in self.jobs], dtype=np.uint32).reshape(-1, 2)
+        return _unpacked, (self.prototype, self.draws, table, tuple(rolls), self.kind)
+
+
+def _unpacked(
+    prototype: Prototype, draws: tuple[Draw | None, ...], table: NDArray[np.uint32], rolls: tuple[Any, ...], kind: str
+) -> Chunk:
+    return Chunk(prototype, draws, tuple(Job(model, *rolls[roll]) for model, roll in table.tolist()), kind)
 
 
 class Cost(NamedTuple):

@@ -1,3 +1,4 @@
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from sim_core.batch import Job
 from sim_core.chunks import Chunk, Draw, cost_of, run_chunk, run_here
 from sim_core.errors import LibraryError, ParameterError
 from sim_core.library import Library, gait_of, load_library
-from sim_core.robustness import Plan, assembled, chunks_of, require_held_out, study, training_seeds
+from sim_core.robustness import Plan, assembled, chunk_jobs, chunks_of, require_held_out, study, training_seeds
 from sim_core.roll import roll
 from sim_core.symmetry import rolls_of
 from sim_core.uncertainty import Law, sample
@@ -134,3 +135,17 @@ def test_a_study_can_be_done_in_slices(prototype, library, plan, found):
 
 def test_cost_is_processor_time_and_never_more_than_the_threads_could_use(found):
     assert 0 < found.cost.core_s < found.cost.robot_s
+
+
+def test_a_large_study_has_larger_chunks_and_few_enough():
+    assert chunk_jobs(5_000) == 1_000
+    assert chunk_jobs(5_000_000) == 5_000
+    assert chunk_jobs(10**9) == 20_000
+
+
+def test_a_chunk_is_sent_small(prototype, library):
+    chunk = chunks_of(prototype, library.primitives, Plan(prototypes=40), size=12_000)[0]
+    sent = pickle.dumps(chunk)
+    assert pickle.loads(sent) == chunk
+    assert len(chunk.jobs) == 40 * 12 * 24
+    assert len(sent) < 12 * len(chunk.jobs)
