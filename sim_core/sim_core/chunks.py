@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -48,13 +48,27 @@ class Chunk:
     jobs: tuple[Job, ...]
     kind: str = IMPROVED
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled small: the same rolls come again for each robot, and are sent once."""
+        rolls = {job[1:]: 0 for job in self.jobs}
+        rolls = {roll: number for number, roll in enumerate(rolls)}
+        table = np.array([(job.model, rolls[job[1:]]) for job in self.jobs], dtype=np.uint32).reshape(-1, 2)
+        return _unpacked, (self.prototype, self.draws, table, tuple(rolls), self.kind)
+
+
+def _unpacked(
+    prototype: Prototype, draws: tuple[Draw | None, ...], table: NDArray[np.uint32], rolls: tuple[Any, ...], kind: str
+) -> Chunk:
+    return Chunk(prototype, draws, tuple(Job(model, *rolls[roll]) for model, roll in table.tolist()), kind)
+
 
 class Cost(NamedTuple):
     """What work took.
 
     Attributes:
-        robot_s: simulated time, settling included. core_s: wall time × threads that it could use, so a bound from above.
-        build_s: the part of core_s in which prototypes were drawn and built, by one thread.
+        robot_s: simulated time, settling included.
+        core_s: processor time of the process, or wall time × threads if that is less (others work in the same process).
+        build_s: wall time in which prototypes were drawn and built, by one thread.
         trials: rolls done.
     """
 
@@ -112,14 +126,14 @@ def run_chunk(chunk: Chunk, threads: int = 1, report: Report = silent) -> Trials
     Raises:
         ParameterError, ModelError: a prototype that cannot be built.
     """
-    began = time.perf_counter()
+    began, began_cpu = time.perf_counter(), time.process_time()
     batch = _batch_of(chunk.prototype, chunk.kind, chunk.draws, threads)
     built = time.perf_counter()
     results = batch.run(chunk.jobs, report)
-    ended = time.perf_counter()
+    core_s = min(time.process_time() - began_cpu, threads * (time.perf_counter() - began))
     starts = len({(job.model, job.source) for job in chunk.jobs})
     robot_s = sum(result.duration_s for result in results) + SETTLE_S * starts
-    cost = Cost(robot_s, threads * (ended - began), threads * (built - began), len(results))
+    cost = Cost(robot_s, core_s, built - began, len(results))
     return trials_of(results, cost)
 
 

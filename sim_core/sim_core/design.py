@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.stats import norm, qmc
+from scipy.special import ndtr, ndtri
 
 from sim_core.elements import Array
 
@@ -29,6 +29,8 @@ def unit_rows(design: str, dimensions: int, seed: int, indices: Sequence[int]) -
     if design == INDEPENDENT:
         rows = [np.random.default_rng([index, seed, STREAM]).random(dimensions) for index in indices]
         return np.array(rows).reshape(len(rows), dimensions)
+    from scipy.stats import qmc  # takes a second to import
+
     engine = qmc.Sobol(dimensions, scramble=True, rng=np.random.default_rng([seed, STREAM]))
     found: dict[int, Array] = {}
     for index in sorted(set(indices)):
@@ -44,6 +46,6 @@ def correlated(own: Array, shared: Array, correlation: float) -> Array:
     Args:
         own: (n, members) uniform. shared: (n,) uniform. correlation: ρ in [0, 1), of the normal variates.
     """
-    z, z0 = (norm.ppf(np.clip(u, EDGE, 1.0 - EDGE)) for u in (own, shared))
-    mixed: Array = norm.cdf(np.sqrt(correlation) * z0[:, None] + np.sqrt(1.0 - correlation) * z)
+    z, z0 = (ndtri(np.clip(u, EDGE, 1.0 - EDGE)) for u in (own, shared))
+    mixed: Array = ndtr(np.sqrt(correlation) * z0[:, None] + np.sqrt(1.0 - correlation) * z)
     return mixed

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import beta
+from scipy.special import betaincinv
 
 from sim_core.errors import SimError
 
@@ -15,7 +15,11 @@ EXCHANGEABLE = (
     "An interval counts a primitive's trials as independent and alike. That its 24 gaits are alike follows from symmetry, if "
     "the law of the perturbations is symmetric too; they share prototypes, so with few of these an interval is somewhat too narrow."
 )
-"""What an interval of a primitive's rate takes for granted."""
+ONE_GAIT = (
+    "Every trial has a prototype of its own, so an interval is exact for the reference gait. That it stands for all 24 gaits "
+    "follows from symmetry: of the nominal robot and of the perturbations' law."
+)
+"""What an interval of a primitive's rate takes for granted, with 24 gaits and with one."""
 
 
 class Rate(NamedTuple):
@@ -41,8 +45,8 @@ def rate_of(successes: int, trials: int, confidence: float = CONFIDENCE) -> Rate
     if not 0 <= successes <= trials or trials == 0:
         raise SimError(f"{successes} successes of {trials} trials: valid is at least one trial, and 0 to all of them successes")
     tail = 0.5 * (1.0 - confidence)
-    low = float(beta.ppf(tail, successes, trials - successes + 1)) if successes else 0.0
-    high = float(beta.ppf(1.0 - tail, successes + 1, trials - successes)) if successes < trials else 1.0
+    low = float(betaincinv(successes, trials - successes + 1, tail)) if successes else 0.0
+    high = float(betaincinv(successes + 1, trials - successes, 1.0 - tail)) if successes < trials else 1.0
     return Rate(int(successes), int(trials), low, high)
 
 

@@ -23,8 +23,10 @@ from sim_core.uncertainty import Law
 
 HELD_OUT_SEED = 90_001
 """Of the final figures' prototypes; no search may train on it."""
-CHUNK_JOBS = 1500
-"""About how many rolls make a chunk. It does not depend on the workers, so neither do results."""
+CHUNK_JOBS, LARGEST_CHUNK_JOBS = 1000, 20_000
+"""About how many rolls make a chunk: of a small study, and of a large one, which must not keep a cluster's scheduler too busy."""
+CHUNKS = 1000
+"""A study that would have more chunks than this gets larger ones."""
 GAITS = 24
 
 
@@ -155,8 +157,19 @@ def odds_of(library: Library, study: Study) -> Odds:
     return Odds(library.hash, f"{plan.law.words}; seed {plan.seed}", plan.prototypes, wins)
 
 
-def chunks_of(prototype: Prototype, primitives: Sequence[Primitive], plan: Plan, kind: str = IMPROVED) -> list[Chunk]:
-    """The study's work: every chunk some prototypes with all their rolls, prototype by prototype, primitive by primitive."""
+def chunk_jobs(rolls: int) -> int:
+    """Rolls of a chunk in a study of so many. It does not depend on the workers, so neither do results."""
+    return min(LARGEST_CHUNK_JOBS, max(CHUNK_JOBS, rolls // CHUNKS))
+
+
+def chunks_of(
+    prototype: Prototype, primitives: Sequence[Primitive], plan: Plan, kind: str = IMPROVED, size: int | None = None
+) -> list[Chunk]:
+    """The study's work: every chunk some prototypes with all their rolls, prototype by prototype, primitive by primitive.
+
+    Args:
+        size: rolls of a chunk; default: see `chunk_jobs`.
+    """
     rolls = []
     for primitive in primitives:
         for source, target in gaits_of(primitive, plan.one_gait):
@@ -164,7 +177,7 @@ def chunks_of(prototype: Prototype, primitives: Sequence[Primitive], plan: Plan,
             rolls.append((source, policy, target))
     if not rolls:
         raise LibraryError("the library has no primitives: there is nothing to study")
-    each = max(1, CHUNK_JOBS // len(rolls))
+    each = max(1, (size or chunk_jobs(plan.shape[1] * len(rolls))) // len(rolls))
     chunks = []
     for at in range(0, plan.shape[1], each):
         draws = tuple(Draw(plan.law, plan.seed, number) for number in plan.numbers[at : at + each])

@@ -1,3 +1,4 @@
+import pickle
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from sim_core.batch import Job
 from sim_core.chunks import Chunk, Draw, cost_of, run_chunk, run_here
 from sim_core.errors import LibraryError, ParameterError
 from sim_core.library import Library, gait_of, load_library
-from sim_core.robustness import Plan, assembled, chunks_of, require_held_out, study, training_seeds
+from sim_core.robustness import Plan, assembled, chunk_jobs, chunks_of, require_held_out, study, training_seeds
 from sim_core.roll import roll
 from sim_core.symmetry import rolls_of
 from sim_core.uncertainty import Law, sample
@@ -55,7 +56,7 @@ def test_rates_and_costs_add_up(found):
     assert sum(rate.successes for rate in found.rates) == found.feasible.sum()
     assert [sum(rate.successes for rate in row) for row in found.gait_rates] == [rate.successes for rate in found.rates]
     assert 96 * 5 < found.cost.robot_s < 96 * 40
-    assert 0 < found.cost.build_s < found.cost.core_s
+    assert found.cost.build_s > 0
 
 
 def test_progress_counts_rolls_to_the_end(prototype, library, plan):
@@ -130,3 +131,21 @@ def test_a_prototype_that_cannot_be_built_is_named(prototype):
 def test_a_study_can_be_done_in_slices(prototype, library, plan, found):
     second = study(prototype, library.primitives[:2], replace(plan, prototypes=1, first=1))
     assert second.margin_m.tobytes() == found.margin_m[:, :, 1:].tobytes()
+
+
+def test_cost_is_processor_time_and_never_more_than_the_threads_could_use(found):
+    assert 0 < found.cost.core_s < found.cost.robot_s
+
+
+def test_a_large_study_has_larger_chunks_and_few_enough():
+    assert chunk_jobs(5_000) == 1_000
+    assert chunk_jobs(5_000_000) == 5_000
+    assert chunk_jobs(10**9) == 20_000
+
+
+def test_a_chunk_is_sent_small(prototype, library):
+    chunk = chunks_of(prototype, library.primitives, Plan(prototypes=40), size=12_000)[0]
+    sent = pickle.dumps(chunk)
+    assert pickle.loads(sent) == chunk
+    assert len(chunk.jobs) == 40 * 12 * 24
+    assert len(sent) < 12 * len(chunk.jobs)

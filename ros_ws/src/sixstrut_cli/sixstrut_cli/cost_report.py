@@ -6,6 +6,7 @@ import os
 import pickle
 import platform
 import re
+from dataclasses import replace
 from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
@@ -14,10 +15,11 @@ import numpy as np
 
 from sim_core.chunks import Chunk, Cost, Trials
 from sim_core.errors import SimError
+from sim_core.parameters import Prototype
 from sim_core.rates import rate_of
-from sim_core.robustness import GAITS, Study
+from sim_core.robustness import GAITS, Study, chunk_jobs, chunks_of
 
-TASKS = 400
+TASKS, REPEATS = 40, 5
 CORES = (2, 64, 1024)
 MILLION = 1_000_000
 BEGIN, END = "<!-- cost: begin -->", "<!-- cost: end -->"
@@ -27,7 +29,7 @@ class Figures(NamedTuple):
     """Measured.
 
     Attributes:
-        primitives: of the library. cost: of the study. chunk_rolls: rolls in a chunk.
+        primitives: of the library. cost: of the study. chunk_rolls: rolls in a chunk of a large study.
         sent_bytes, back_bytes: pickled chunk and its trials. task_s: time of the cluster's scheduler and client a chunk.
     """
 
@@ -39,9 +41,12 @@ class Figures(NamedTuple):
     task_s: float
 
 
-def figures_of(study: Study, chunks: list[Chunk]) -> Figures:
-    """Measure what is not in the study: sizes, and the overhead of a chunk on a Dask cluster of this machine's cores."""
-    chunk = max(chunks, key=lambda item: len(item.jobs))
+def figures_of(prototype: Prototype, study: Study) -> Figures:
+    """Measure what is not in the study: a large study's chunk, and its overhead on a Dask cluster of this machine's cores."""
+    rolls = len(study.primitives) * study.plan.shape[0]
+    size = chunk_jobs(MILLION * rolls)
+    large = replace(study.plan, prototypes=max(1, size // rolls))
+    chunk = chunks_of(prototype, study.primitives, large, size=size)[0]
     sizes = len(pickle.dumps(chunk)), len(pickle.dumps(no_work(chunk, "")))
     return Figures(len(study.primitives), study.cost, len(chunk.jobs), *sizes, _overhead_s(chunk))
 
@@ -62,10 +67,13 @@ def _overhead_s(chunk: Chunk) -> float:
         LocalCluster(n_workers=os.cpu_count(), threads_per_worker=1, dashboard_address=None, silence_logs=50) as cluster,
         Client(cluster, set_as_default=False) as client,
     ):
-        run_on(client, [chunk] * 20, work=no_work)
-        began = perf_counter()
-        run_on(client, [chunk] * TASKS, work=no_work)
-        return (perf_counter() - began) / TASKS
+        run_on(client, [chunk] * 4, work=no_work)
+        times = []
+        for _ in range(REPEATS):
+            began = perf_counter()
+            run_on(client, [chunk] * TASKS, work=no_work)
+            times.append((perf_counter() - began) / TASKS)
+    return min(times)
 
 
 def table_of(figures: Figures, prototypes: int = MILLION) -> str:

@@ -6,6 +6,7 @@ elsewhere. `distributed` is imported only if a scheduler is named.
 
 from __future__ import annotations
 
+import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache, partial
@@ -48,8 +49,11 @@ def runner_of(scheduler: str | None) -> Iterator[Runner]:
 def connected(scheduler: str) -> Iterator[Any]:
     """A Dask client whose cluster has at least one worker. Raises FarmError."""
     from distributed import Client
+    from distributed.comm import get_address_host_port
 
     try:
+        # a client that cannot connect leaves a traceback behind when it is collected, so see first that somebody listens
+        socket.create_connection(get_address_host_port(scheduler), timeout=ANSWER_S).close()
         client = Client(scheduler, timeout=ANSWER_S, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise FarmError(

@@ -11,7 +11,7 @@ from typing import Any
 from sim_core.attribution import Attribution
 from sim_core.chunks import Cost
 from sim_core.library import Library, gait_of
-from sim_core.rates import EXCHANGEABLE, Rate
+from sim_core.rates import EXCHANGEABLE, ONE_GAIT, Rate
 from sim_core.robustness import Study
 from sim_core.uncertainty import GROUPS, OURS
 
@@ -32,6 +32,11 @@ def head_of(library: Library, study: Study) -> str:
     )
 
 
+def assumption_of(study: Study) -> str:
+    """What the intervals take for granted."""
+    return ONE_GAIT if study.plan.one_gait else EXCHANGEABLE
+
+
 def shown(rate: Rate) -> str:
     """A rate with its interval, in %."""
     return f"{100 * rate.value:6.2f} %  [{100 * rate.low:6.2f}, {100 * rate.high:6.2f}]"
@@ -49,7 +54,7 @@ def text_of(library: Library, study: Study, blame: Attribution | None, wall_s: f
     lines += ["", f"primitives: {study.counts.words}", f"all trials: {shown(study.overall)} of {study.overall.trials}"]
     if blame is not None:
         lines += ["", *_blame_lines(blame, study)]
-    lines += ["", cost_line(study.cost, wall_s), "", EXCHANGEABLE, VIRTUAL]
+    lines += ["", cost_line(study.cost, wall_s), "", assumption_of(study), VIRTUAL]
     ours = [name for name in study.plan.law.groups if GROUPS[name].source == OURS]
     if ours:
         lines.append(f"The range of {', '.join(ours)} is a stand-in of ours.")
@@ -115,7 +120,7 @@ def document_of(library: Library, study: Study, blame: Attribution | None, wall_
             "groups": [row._asdict() for row in blame.blames],
         },
         "cost": {**study.cost._asdict(), "wall_s": wall_s},
-        "notes": [EXCHANGEABLE, VIRTUAL],
+        "notes": [assumption_of(study), VIRTUAL],
     }
 
 

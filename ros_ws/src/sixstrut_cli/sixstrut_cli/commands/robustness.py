@@ -60,7 +60,7 @@ def command(
     from sim_core.library import load_library
     from sim_core.odds import odds_text
     from sim_core.parameters import load_prototype
-    from sim_core.robustness import HELD_OUT_SEED, Plan, chunks_of, odds_of, require_held_out, study
+    from sim_core.robustness import HELD_OUT_SEED, Plan, odds_of, require_held_out, study
     from sim_core.uncertainty import Law, groups_of
     from sixstrut_cli.bars import bars
     from sixstrut_cli.cost_report import document_of as cost_document
@@ -80,12 +80,12 @@ def command(
         primitives = tuple(p for rows in classes.values() for p in rows[:QUICK_PRIMITIVES])
     if scheduler is None:
         compile_kernels(robot)  # not counted as work
-    with bars("rolls") as bar, runner_of(scheduler) as run:
+    with runner_of(scheduler) as run, bars("rolls") as bar:
         began = perf_counter()
         found = study(robot, primitives, plan, run, bar("trials"))
         wall_s = perf_counter() - began
         blame = attribute(robot, found, failures, run, bar("what kills")) if failures else None
-    figures = figures_of(found, chunks_of(robot, primitives, plan)) if cost else None
+    figures = figures_of(robot, found) if cost else None
     if tables is not None:
         write_tables(found, blame, tables)
     if odds is not None:
