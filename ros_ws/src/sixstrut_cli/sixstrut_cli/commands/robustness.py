@@ -24,6 +24,7 @@ def command(
         str, typer.Option(help="Uncertainties, with commas: judged, all, or names; a leading - takes one out.")
     ] = "judged",
     correlation: Annotated[float, typer.Option(help="Of ropes, nodes, struts or joints of one batch, 0 to 1.")] = 0.0,
+    incline: Annotated[float, typer.Option(help="Incline of the ground in degrees, downhill all round.")] = 0.0,
     design: Annotated[str, typer.Option(help="independent, or sobol (low discrepancy).")] = "independent",
     one_gait: Annotated[
         bool, typer.Option("--one-gait", help="The reference gait on 24 K prototypes instead of 24 gaits on K.")
@@ -70,7 +71,7 @@ def command(
     from sixstrut_cli.robustness_report import document_of, head_of, text_of, write_tables
 
     robot, shelf = load_prototype(prototype), load_library(library)
-    law = Law(scale, groups_of(groups), correlation, design)
+    law = Law(scale, groups_of(groups), correlation, design, incline)
     plan = Plan(law, HELD_OUT_SEED if seed is None else seed, QUICK_PROTOTYPES if quick else prototypes, one_gait, first)
     require_held_out(shelf, plan.seed)
     primitives = shelf.primitives
