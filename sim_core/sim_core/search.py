@@ -34,6 +34,7 @@ from sim_core.uncertainty import Law
 
 CHUNK_JOBS = 256
 """About how many rolls make a chunk: independent of the workers."""
+POLISH_PERFECT = 6
 FIRST_LOOK = 4
 """Training prototypes of each law on which a policy is tried first; it goes on if half of these trials succeed."""
 
@@ -57,7 +58,9 @@ class SearchPlan:
     Attributes:
         name: of the library. kind: model. classes: names of the classes of rolls. keep: primitives to keep per class.
         seed: same plan and prototype, same library. offspring: per class and generation.
-        generations: at most. polish: generations after a class has enough feasible elites. evaluations: nominal rolls, at most.
+        generations: at most. evaluations: nominal rolls, at most.
+        polish: generations after a class has enough feasible elites. A class with enough that never failed in training, which can
+            only become gentler, gets POLISH_PERFECT of them.
         active: struts that a policy may move. apart_mm: two primitives differ by at least this in some strut.
         training: prototypes on which feasible policies are tried; none: the nominal robot alone decides.
         choice: more of them, for the last choice among `spare` × keep elites per class.
@@ -133,11 +136,12 @@ class Search:
         self.generation, self.rolled, self.trained = 0, 0, 0
         self._elites = {name: Elites(plan.apart_mm, most) for name in self._classes}
         self._enough_since: dict[str, int] = {}
+        self._perfect_since: dict[str, int] = {}
         if state is not None:
             if {key: state.get(key) for key in self._identity} != self._identity:
                 raise ParameterError("the search to resume had another plan or model: start a new one, or give the same options")
             self.generation, self.rolled, self.trained = state["generation"], state["rolled"], state["trained"]
-            self._enough_since = dict(state["enough_since"])
+            self._enough_since, self._perfect_since = dict(state["enough_since"]), dict(state["perfect_since"])
             for name, rows in state["elites"].items():
                 self._elites[name].add(Candidate(checked_policy(p, 10_000), m, margins) for p, m, margins in rows)
 
@@ -150,17 +154,23 @@ class Search:
             "rolled": self.rolled,
             "trained": self.trained,
             "enough_since": self._enough_since,
+            "perfect_since": self._perfect_since,
             "elites": elites,
         }
 
     @property
     def open_classes(self) -> tuple[str, ...]:
         """Classes that are still searched: too few feasible elites, or not yet polished."""
-        return tuple(
-            name
-            for name in self._classes
-            if name not in self._enough_since or self.generation < self._enough_since[name] + self.plan.polish
-        )
+        return tuple(name for name in self._classes if self._polished(name) < 1.0)
+
+    def _polished(self, name: str) -> float:
+        """Share of a class's polish that is done, in [0, 1]."""
+        shares = [
+            (self.generation - since[name]) / max(1, generations)
+            for since, generations in ((self._enough_since, self.plan.polish), (self._perfect_since, POLISH_PERFECT))
+            if name in since
+        ]
+        return min(1.0, max(shares, default=0.0))
 
     @property
     def done(self) -> bool:
@@ -172,11 +182,7 @@ class Search:
     def progress(self) -> Progress:
         found = {name: min(elites.count(FEASIBLE), self.plan.keep) for name, elites in self._elites.items()}
         best = {name: max((c.merit for c in elites.ranked[:1]), default=0.0) for name, elites in self._elites.items()}
-        polished = [
-            (self.generation - self._enough_since[name]) / max(1, self.plan.polish) if name in self._enough_since else 0.0
-            for name in self._classes
-        ]
-        share = sum(0.5 * found[n] / self.plan.keep + 0.5 * min(p, 1.0) for n, p in zip(found, polished, strict=True)) / len(found)
+        share = sum(0.1 * found[name] / self.plan.keep + 0.9 * self._polished(name) for name in found) / len(found)
         return Progress(self.generation, self.rolled, self.trained, found, best, self.plan.keep, 1.0 if self.done else share)
 
     def step(self) -> None:
@@ -199,8 +205,9 @@ class Search:
         self.generation += 1
         for name in names:
             self._elites[name].add(candidates[name])
-            if name not in self._enough_since and self._elites[name].count(FEASIBLE) >= self.plan.keep:
-                self._enough_since[name] = self.generation
+            for since, merit in ((self._enough_since, FEASIBLE), (self._perfect_since, trained_merit(1.0, 0.0))):
+                if name not in since and self._elites[name].count(merit) >= self.plan.keep:
+                    since[name] = self.generation
 
     def library(self) -> Library:
         """The best feasible elites, `keep` of each class; chosen by more trials if the plan says so."""

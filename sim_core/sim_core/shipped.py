@@ -18,8 +18,8 @@ PLANS = {
         SearchPlan("previous", kind=PREVIOUS, generations=100_000),
         SearchPlan(
             "robust",
-            offspring=96,
-            polish=24,
+            offspring=160,
+            polish=32,
             training=(Training(LEVEL, 16, 11_001), Training(INCLINED, 16, 11_002)),
             choice=(Training(LEVEL, 64, 12_001), Training(INCLINED, 64, 12_002)),
         ),
