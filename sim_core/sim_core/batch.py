@@ -8,7 +8,7 @@ waits for another. A robot's bits do not depend on its lane, its neighbours or t
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -221,7 +221,7 @@ class Batch:
         Args:
             report: called with (jobs done, total) now and then.
         """
-        self._settle_missing({(job.model, job.source) for job in jobs})
+        self.settle([(job.model, job.source) for job in jobs])
         keys = sorted({(job.model, job.source) for job in jobs})
         place = {key: number for number, key in enumerate(keys)}
         starts = np.array([self._starts[key] for key in keys])
@@ -275,9 +275,9 @@ class Batch:
             assembly = assembly._replace(body=aligned_rows(lay.body_rows), flat=flat)
         return aligned_rows(lay.state_rows), aligned_rows(lay.par_rows), aligned_rows(assembly.particles * k.WORK_ROWS), assembly
 
-    def _settle_missing(self, keys: set[tuple[int, str]]) -> None:
-        """Settle robots that are not yet known on their faces: state and work rows, as `Robot.resting_on` leaves them."""
-        missing = sorted(keys - self._starts.keys())
+    def settle(self, robots: Iterable[tuple[int, str]]) -> None:
+        """Settle models on faces, as `Robot.resting_on` does, unless they were before; `run` does so for its jobs."""
+        missing = sorted(set(robots) - self._starts.keys())
         groups = [missing[at : at + WIDTH] for at in range(0, len(missing), WIDTH)]
         with ThreadPoolExecutor(self._threads) as pool:
             for group, settled in zip(groups, pool.map(self._settle_group, groups), strict=True):

@@ -10,9 +10,9 @@ from sim_core.robot import Robot
 from sixstrut_cli.bench.work import ARITHMETIC, MEMORY, compiled_operations, count_step
 
 # Most that one robot's step may cost (eight robots in a vector share each operation). Lower them when the kernel gets leaner.
-MOST_ARITHMETIC = {"in the air": 8300, "at rest": 9500}
-MOST_DIVISIONS_AND_ROOTS = {"in the air": 210, "at rest": 270}
-MOST_MEMORY = {"in the air": 4500, "at rest": 5250}
+MOST_ARITHMETIC = {"in the air": 6000, "at rest": 6300}
+MOST_DIVISIONS_AND_ROOTS = {"in the air": 145, "at rest": 160}
+MOST_MEMORY = {"in the air": 2900, "at rest": 3150}
 
 
 @pytest.fixture(scope="module")

@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, StrutsSent, TwinState
-from tensegrity_interfaces.srv import Arm, Disarm, SetFace
+from tensegrity_interfaces.srv import Arm, Disarm, FaceGraph, SetFace
 from tests.ros.processes import START_LIMIT_S, wait_until
 
 ANSWER_LIMIT_S = 15.0
@@ -63,6 +63,7 @@ class Operator:
                 "stop": Trigger,
                 "reset": Trigger,
                 "set_face": SetFace,
+                "face_graph": FaceGraph,
             }.items()
         }
         self._roll = ActionClient(self.node, Roll, "roll")

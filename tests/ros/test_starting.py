@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import signal
 import tty
@@ -13,7 +14,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_interfaces.srv import Arm
+from tensegrity_interfaces.srv import Arm, FaceGraph
 from tests.ros.processes import wait_until
 
 pytestmark = pytest.mark.ros
@@ -39,6 +40,7 @@ def test_all_start_with_no_argument_and_the_bridge_waits_for_a_prototype(process
     assert not operator.bridge.link_ok
     refused = operator.roll("TO5")
     assert not refused.success
+    _shows_the_face_graph(operator)
     assert "ros2 run tensegrity_robot virtual_prototype" in refused.reason
 
     processes.start("virtual_prototype", "--time-scale", "10")
@@ -49,6 +51,25 @@ def test_all_start_with_no_argument_and_the_bridge_waits_for_a_prototype(process
     assert bridge.output.count("ros2 run tensegrity_robot virtual_prototype") == 1
     assert not any(not message.heartbeat for message in operator.sent)
     assert processes.stop() == {"hardware_bridge": 0, "gait_planner": 0, "twin": 0, "virtual_prototype": 0}
+
+
+def _shows_the_face_graph(operator) -> None:
+    """The planner tells gaits, odds and routes, whatever the bridge does."""
+
+    def ask(**words):
+        return operator.call("face_graph", FaceGraph.Request(**words))
+
+    everything = ask(all_gaits=True)
+    assert everything.success, everything.message
+    assert len(everything.gaits) == 24 * 40
+    best = ask(source_face="TC6", target_face="TO5").gaits
+    others = ask(source_face="TC6", target_face="TO5", all_gaits=True).gaits
+    assert len(best) == 1
+    assert best[0].odds == max(gait.odds for gait in others)
+    route = ask(source_face="TC6", target_face="TC1")
+    assert [gait.target_face for gait in route.gaits][-1] == "TC1"
+    assert route.odds == pytest.approx(math.prod(gait.odds for gait in route.gaits))
+    assert "unknown face 'TX'" in ask(source_face="TX").message
 
 
 def one_line_error(process) -> str:

@@ -39,6 +39,30 @@ def test_a_feasible_roll_exits_0_and_speaks_json():
     assert document["faces"][-1] == "TO5"
 
 
+def test_a_route_names_every_roll_with_its_gait_and_odds():
+    result = sixstrut("route", "TC6", "TC1", "--json")
+    route = json.loads(result.stdout)
+    assert route["faces"][0] == "TC6"
+    assert route["faces"][-1] == "TC1"
+    assert [roll["from"] for roll in route["rolls"]] == route["faces"][:-1]
+    assert all(0.0 < roll["odds"] <= 1.0 for roll in route["rolls"])
+    assert "TC6 → " in sixstrut("route", "TC6", "TC1").stdout
+
+
+def test_a_search_that_was_interrupted_is_gone_on_with_and_leaves_no_state(tmp_path):
+    path = tmp_path / "few.yaml"
+    words = ("search", "--class", "TO5-TC6", "--keep", "2", "--generations", "2", "-o", str(path), "--json")
+    done = sixstrut(*words)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["primitives"] == {"TO5-TC6": 2}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["few.png", "few.yaml"]
+    first = path.read_text(encoding="utf-8")
+    (tmp_path / "few.search.json").write_text("{", encoding="utf-8")
+    assert "--fresh begins anew" in sixstrut(*words).stderr
+    assert sixstrut(*words, "--fresh").returncode == 0
+    assert path.read_text(encoding="utf-8") == first
+
+
 def test_a_roll_that_does_not_work_exits_4_and_says_why():
     result = sixstrut("roll", "--policy", "0 0 0 0 0 0")
     assert result.returncode == 4
@@ -53,14 +77,18 @@ def test_a_roll_that_does_not_work_exits_4_and_says_why():
         (("roll", "--policy", "0 0 0 0 0 60"), 1, "S6 = 60 mm: valid is a whole number of mm in [-45, 45]"),
         (("roll", "--policy", "a b"), 2, "valid are six whole numbers"),
         (("roll", "--primitive", "P99"), 1, "no primitive 'P99'"),
-        (("roll", "--library", "nowhere"), 1, "shipped are: first"),
+        (("roll", "--library", "nowhere"), 1, "shipped are: improved, previous, robust"),
         (("roll", "--perturbation", "0.9"), 1, "perturbation scale 0.9"),
         (("parameters", "--prototype", "/nowhere.yaml"), 1, "/nowhere.yaml: No such file"),
-        (("robustness", "nowhere"), 1, "shipped are: first"),
+        (("robustness", "nowhere"), 1, "shipped are: improved, previous, robust"),
         (("robustness", "robust", "--seed", "1"), 1, "seed 1 is a training seed of library 'robust'"),
         (("robustness", "robust", "--groups", "mas"), 1, "unknown uncertainty 'mas': valid are judged, all, stiffness"),
         (("robustness", "robust", "--groups", "all", "--one-gait"), 1, "leave out slope"),
         (("robustness", "robust", "--scheduler", "nonsense"), 1, "no Dask scheduler answers at 'nonsense'"),
+        (("route", "TC6", "TC9"), 1, "unknown face 'TC9'"),
+        (("route", "TC6", "TC1", "--odds", "/nowhere"), 1, "make them with: sixstrut robustness LIBRARY --odds FILE"),
+        (("search", "best"), 2, "robust"),
+        (("search", "--class", "TC1-TO1", "-o", "/nowhere/x.yaml"), 1, "valid are TC6-TO5, TO5-TC6"),
         (("replay", "/nowhere.mcap"), 1, "cannot read bag /nowhere.mcap"),
         (("replay", __file__), 1, "is not a complete MCAP file"),
         (("demo", "--from-face", "TX"), 1, "unknown face 'TX'"),
