@@ -19,7 +19,7 @@ PLANS = {
         SearchPlan(
             "robust",
             offspring=160,
-            polish=32,
+            polish=16,
             training=(Training(LEVEL, 16, 11_001), Training(INCLINED, 16, 11_002)),
             choice=(Training(LEVEL, 64, 12_001), Training(INCLINED, 64, 12_002)),
         ),

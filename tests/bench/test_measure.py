@@ -12,6 +12,7 @@ from sim_core.robot import Robot
 from sim_core.structure import FACES
 from sixstrut_cli.bench import measure, report
 from sixstrut_cli.bench.engines import Moment, SixStrut
+from sixstrut_cli.bench.rest import Rest
 
 
 @pytest.fixture(scope="module")
@@ -67,10 +68,14 @@ def test_the_report_holds_every_figure_and_draws(tmp_path):
     memory = measure.Memory("sixstrut", 4, 100.0, 110.0, 110.0, 10.2, 0.0)
     judged = measure.Judged(64, 2, 50.0, 500.0)
     plan = measure.Plan(counts=(1, 8))
-    result = report.Report(machine, plan, "abc", speeds, judged, accuracies, [memory])
+    rehearsal = measure.Rehearsal(24, 2, 4, 0.123)
+    rests = [Rest("TC6", (0.1, 0.101), (8.0, 8.0), (31.0, 31.31), 0.02, 0.01)]
+    result = report.Report(machine, plan, "abc", speeds, judged, rehearsal, rests, accuracies, [memory])
     text = report.as_markdown(result, "images/x.png")
     assert "| MuJoCo, 2 ms | 8 | 30.00 | 67 | 10.0 |" in text
     assert "| sixstrut, 0.333 ms | sixstrut, 0.0833 ms | 8 | 5 | 100 % | 0.25 | 0.50 | 100 % |" in text
+    assert "24 perturbed robots, settled before, on 2 threads: 0.12 s" in text
+    assert "| TC6 | 0.1 / 0.101 (1.00 %) | 8 / 8 (0.00 %) | 31 / 31.31 (1.00 %) | 2.0 % | 1.0 % |" in text
     assert json.loads(report.as_json(result))["speeds"][0]["robot_seconds_per_s"] == pytest.approx(667, abs=1)
     report.draw(result, tmp_path / "images" / "x.png")
     assert (tmp_path / "images" / "x.png").stat().st_size > 10_000

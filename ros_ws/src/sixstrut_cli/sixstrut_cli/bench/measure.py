@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from sim_core.library import load_library
+from sim_core.model import build_model
 from sim_core.parameters import Prototype
 from sim_core.policy import checked_policy
+from sim_core.rehearsal import MEMBERS, Ensemble
 from sim_core.roll import RollResult
 from sim_core.structure import FACES, NEIGHBOURS
 from sim_core.watch import SAMPLE_S
@@ -118,6 +120,16 @@ class Judged:
     robot_seconds_per_s: float
 
 
+@dataclass(frozen=True)
+class Rehearsal:
+    """Wall time of rehearsing one gait on an ensemble; median of so many gaits."""
+
+    members: int
+    threads: int
+    gaits: int
+    seconds: float
+
+
 def tasks_of(prototype: Prototype, count: int, seed: int) -> list[Task]:
     """Half gaits of the library `robust`, over all pairs of faces, half uniformly random policies on random faces."""
     rng, library = np.random.default_rng(seed), load_library("robust")
@@ -218,6 +230,24 @@ def judged_rolls(prototype: Prototype, tasks: Sequence[Task], threads: int, say:
     total = sum(result.duration_s for result in engine.rolls(tasks, threads))
     seconds = time.perf_counter() - began
     return Judged(len(tasks), threads, len(tasks) / seconds, total / seconds)
+
+
+def rehearsal(prototype: Prototype, threads: int, say: Say) -> Rehearsal:
+    """Rehearse the first primitive of each class, and two more of their gaits, one after the other."""
+    library = load_library("robust")
+    gaits = [
+        library.gaits(source, target)[0] for source, target in (("TC6", "TO5"), ("TO5", "TC6"), ("TC6", "TO7"), ("TO5", "TC3"))
+    ]
+    say(f"rehearsal: {len(gaits)} gaits")
+    ensemble = Ensemble(build_model(prototype), threads=threads)
+    ensemble.prepare("TC6", "TO5")
+    ensemble.rehearse(gaits[:1])  # compiled
+    times = []
+    for gait in gaits:
+        began = time.perf_counter()
+        ensemble.rehearse([gait])
+        times.append(time.perf_counter() - began)
+    return Rehearsal(MEMBERS, threads, len(gaits), float(np.median(times)))
 
 
 def compared(engine: Engine, rolls: Sequence[RollResult], reference: Engine, others: Sequence[RollResult]) -> Accuracy:

@@ -10,7 +10,8 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from sixstrut_cli.bench.measure import Accuracy, Judged, Memory, Plan, Speed
+from sixstrut_cli.bench.measure import Accuracy, Judged, Memory, Plan, Rehearsal, Speed
+from sixstrut_cli.bench.rest import Rest
 from sixstrut_cli.pictures import STRUT_COLORS, new_figure
 
 
@@ -34,6 +35,8 @@ class Report:
     model_hash: str
     speeds: Sequence[Speed]
     judged: Judged
+    rehearsal: Rehearsal
+    rests: Sequence[Rest]
     accuracies: Sequence[Accuracy]
     memories: Sequence[Memory]
 
@@ -84,13 +87,18 @@ def as_markdown(report: Report, picture: str | None) -> str:
         *(_speed_table(report, threads) for threads in plan.threads),
         f"Complete rolls, judged, in a batch of {report.judged.rolls} on {_threads(report.judged.threads)}: "
         f"{report.judged.rolls_per_s:.1f} rolls/s, {report.judged.robot_seconds_per_s:.0f} robot-seconds/s.",
+        f"Rehearsal: one gait on {report.rehearsal.members} perturbed robots, settled before, on "
+        f"{_threads(report.rehearsal.threads)}: {report.rehearsal.seconds:.2f} s, median of {report.rehearsal.gaits} gaits.",
         "## Accuracy",
-        "Each engine against itself at a quarter of the step: half gaits of the library `first`, half random policies. "
+        "Each engine against itself at a quarter of the step: half gaits of the library `robust`, half random policies. "
         "The gaits were chosen for being reliable and a random policy seldom rolls, so *same face* is a weak test; *rolled* is "
         "how many policies end on another face than their first. "
         "*Same face*: ends on the same face. *End*: distance between the centre's end positions. *Came to rest*: within the "
         "rule's 15 s. The last row compares the two engines at their finest: how far the two models agree.",
         _accuracy_table(report.accuracies),
+        "Both engines at rest on a face, MuJoCo's struts rigid and its contacts softer; worst: largest difference of one "
+        "member's force, as a share of the mean.",
+        _rest_table(report.rests),
         "## Memory",
         "Resident size of a process that does nothing else, at rest, after some rolls and after four times more.",
         _memory_table(report.memories),
@@ -139,6 +147,14 @@ def _accuracy_table(accuracies: Sequence[Accuracy]) -> str:
         for a in accuracies
     ]
     return table(["", "against", "policies", "rolled", "same face", "end, median mm", "end, 90 % within mm", "came to rest"], rows)
+
+
+def _rest_table(rests: Sequence[Rest]) -> str:
+    rows = []
+    for r in rests:
+        pairs = [f"{a:.4g} / {b:.4g} ({100 * abs(b / a - 1):.2f} %)" for a, b in (r.height_m, r.tendon_n, r.strut_n)]
+        rows.append([r.face, *pairs, f"{100 * r.worst_tendon:.1f} %", f"{100 * r.worst_strut:.1f} %"])
+    return table(["sixstrut / MuJoCo", "height m", "tendon N", "strut N", "worst tendon", "worst strut"], rows)
 
 
 def _memory_table(memories: Sequence[Memory]) -> str:

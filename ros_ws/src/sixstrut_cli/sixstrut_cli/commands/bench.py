@@ -78,9 +78,10 @@ def _measure_stack(quick: bool, path: Path | None, as_json: bool) -> None:
 def _measure_solver(root: Path, quick: bool, threads: int | None, path: Path | None, as_json: bool, prototype: Path | None) -> None:
     import importlib
 
+    from sim_core.frozen import label_of
     from sim_core.model import build_model
     from sim_core.parameters import load_prototype
-    from sixstrut_cli.bench import install, measure, report
+    from sixstrut_cli.bench import install, measure, report, rest
 
     say = _say
     load = os.getloadavg()[0]
@@ -93,11 +94,13 @@ def _measure_solver(root: Path, quick: bool, threads: int | None, path: Path | N
     tasks = measure.tasks_of(robot, plan.tasks, plan.seed)
     speeds = measure.speeds(measure.engines_of(robot), measure.moments_of(tasks, plan.seed), plan, say)
     judged = measure.judged_rolls(robot, measure.tasks_of(robot, plan.judged, plan.seed), most, say)
+    rehearsal = measure.rehearsal(robot, most, say)
+    rests = rest.rests(robot)
     accuracies = measure.accuracies(robot, tasks, most, say)
     memories = measure.memories(str(prototype) if prototype else None, plan, str(folder), say)
     mujoco = importlib.import_module("mujoco").__version__
     machine = report.this_machine(mujoco, (load, os.getloadavg()[0]))
-    result = report.Report(machine, plan, build_model(robot).hash, speeds, judged, accuracies, memories)
+    result = report.Report(machine, plan, label_of(build_model(robot).hash), speeds, judged, rehearsal, rests, accuracies, memories)
     picture = None if path is None else path.parent / "images" / f"{path.stem}.png"
     if path is not None and picture is not None:
         report.draw(result, picture)
