@@ -19,7 +19,7 @@ PAST_EDGE_SCALE_M = 0.02
 INSIDE_M, CLEARANCE_M = 0.02, 0.015
 """Margins beyond which more is no better: of the centre of mass inside the base, and of the clearance above what is required."""
 WEIGHTS = {"inside": 0.25, "clearance": 0.15, "force": 0.15, "gentle": 0.30, "short": 0.15}
-QUALITY_SHARE = 0.1
+QUALITY_SHARE = 0.05
 """Weight of the quality beside a success rate: the gentlest policy may cost this much success at the most."""
 
 

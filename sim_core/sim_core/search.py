@@ -36,7 +36,10 @@ CHUNK_JOBS = 256
 """About how many rolls make a chunk: independent of the workers."""
 POLISH_PERFECT = 6
 FIRST_LOOK = 4
-"""Training prototypes of each law on which a policy is tried first; it goes on if half of these trials succeed."""
+"""Training prototypes of each law on which a policy is tried first."""
+LEAST_RATE, SLACK = 0.5, 0.15
+"""It goes on if at least LEAST_RATE of these trials succeed, and no fewer than SLACK below the success rate that it needs to be
+among those of which the library is chosen."""
 
 
 class Training(NamedTuple):
@@ -256,10 +259,12 @@ class Search:
         rest = tuple(draw for t in self.plan.training for draw in t.draws[FIRST_LOOK:])
         wins = self._wins([(rolls, c.policy) for rolls, c, _ in feasible], first)
         best = [(won + len(rest)) / (len(first) + len(rest)) for won in wins]
+        least = {name: max(LEAST_RATE, self._needed_rate(name) - SLACK) for name in self._classes}
         worth = [
             i
             for i, (rolls, candidate, own_quality) in enumerate(feasible)
-            if 2 * wins[i] >= len(first) and self._could_enter(rolls, candidate.policy, trained_merit(best[i], own_quality))
+            if wins[i] >= least[rolls.name] * len(first)
+            and self._could_enter(rolls, candidate.policy, trained_merit(best[i], own_quality))
         ]
         more = dict(zip(worth, self._wins([(feasible[i][0], feasible[i][1].policy) for i in worth], rest), strict=True))
         found = []
@@ -278,6 +283,11 @@ class Search:
         """No elite near this policy has more than this merit."""
         near = (c for c in self._elites[rolls.name].ranked if distance_mm(c.policy, policy) < self.plan.apart_mm)
         return all(c.merit < merit for c in near)
+
+    def _needed_rate(self, name: str) -> float:
+        """Success rate of the last elite that the library may be chosen from; 0 if there are fewer."""
+        last = self._elites[name].ranked[self.plan.keep * self.plan.spare - 1 :][:1]
+        return last[0].margins.get("success", 0.0) if last and last[0].merit >= FEASIBLE else 0.0
 
     def _wins(self, policies: Sequence[tuple[RollClass, Policy]], draws: Sequence[Draw]) -> list[int]:
         """Successes of each policy's reference gait on the drawn prototypes. Under a symmetric law these stand for all 24 gaits."""

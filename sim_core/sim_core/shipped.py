@@ -8,7 +8,7 @@ from sim_core.uncertainty import Law
 
 LEVEL = Law(0.2)
 """Training on level ground: twice the errors that a library is asked to survive everywhere."""
-INCLINED = Law(0.1, incline_deg=5.0)
+INCLINED = Law(0.1, incline_deg=6.0)
 """Ground slope is what stops plain primitives: uphill they do not tip."""
 
 PLANS = {
@@ -19,7 +19,8 @@ PLANS = {
         SearchPlan(
             "robust",
             offspring=160,
-            polish=16,
+            polish=20,
+            apart_mm=12,
             training=(Training(LEVEL, 16, 11_001), Training(INCLINED, 16, 11_002)),
             choice=(Training(LEVEL, 64, 12_001), Training(INCLINED, 64, 12_002)),
         ),

@@ -75,6 +75,7 @@ def command(
         changes["name"] = path.stem
     plan = replace(PLANS[plan_name.value], **changes)
     robot = load_prototype(prototype)
+    path.parent.mkdir(parents=True, exist_ok=True)
     if scheduler is None:
         compile_first(Stage.BATCH)
     stopped = path.with_suffix(".search.json")
