@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from hardware_bridge.codecs.lsc import LscCodec, encode_move
+from hardware_bridge.codecs.lsc import Lsc, encode_move
 from hardware_bridge.errors import LinkLost
 from hardware_bridge.link import Link
-from hardware_bridge.virtual_prototype.board import LscBoard
+from hardware_bridge.virtual_prototype.lsc_board import EmulatedLsc
 
 MOVE = encode_move([1600] * 6, range(1, 7), 500)
 
@@ -18,7 +18,7 @@ class CutTransport:
     port = "cut"
 
     def __init__(self) -> None:
-        self.board = LscBoard(9600)
+        self.board = EmulatedLsc()
         self.cut_at: int | None = None
         self.mute = False
         self._replies = b""
@@ -51,7 +51,7 @@ def transport(monkeypatch: pytest.MonkeyPatch) -> CutTransport:
 
 
 def link_over(transport: CutTransport) -> Link:
-    link = Link(transport, LscCodec(), 1.0, 4.0)  # type: ignore[arg-type]
+    link = Link(transport, Lsc(), range(1, 7), 1.0, 4.0)  # type: ignore[arg-type]
     link.open()
     return link
 

@@ -58,7 +58,7 @@ def ready(process: subprocess.Popen[str]) -> str:
 def test_a_simulated_robot_follows_the_bridge_and_is_seen(run: Run, tmp_path: Path, make_bridge: Callable[..., Bridge]) -> None:
     link = tmp_path / "prototype"
     process = run(link, "--seed", "3", "--time-scale", "4", "--face", "TC4")
-    assert ready(process) == f"virtual prototype ready: {link} (perturbation 5 %, seed 3, time scale 4)\n"
+    assert ready(process) == f"virtual prototype ready: {link} (lsc, perturbation 5 %, seed 3, time scale 4)\n"
     seen: list[Observation] = []
     client = ObserverClient(str(observer_path(link)), seen.append)
     wait_for(lambda: bool(seen) and seen[-1].settled, "a settled robot", 60.0)
@@ -105,7 +105,16 @@ def test_a_second_one_is_refused_and_a_killed_one_replaced(run: Run, tmp_path: P
 
 @pytest.mark.parametrize(
     "options",
-    [["--face", "TC9"], ["--time-scale", "0"], ["--perturbation", "nan"], ["--baud", "1"], ["--board", "x"], ["--seed", "x"]],
+    [
+        ["--face", "TC9"],
+        ["--time-scale", "0"],
+        ["--perturbation", "nan"],
+        ["--baud", "1"],
+        ["--board", "x"],
+        ["--seed", "x"],
+        ["--maestro-home", "3000"],
+        ["--maestro-timeout", "0"],
+    ],
 )
 def test_bad_options_are_refused_by_name(options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
