@@ -16,6 +16,7 @@ from hardware_bridge.checks import Rules, check_trajectory
 from hardware_bridge.codecs import Board
 from hardware_bridge.codecs.fit import require_fit
 from hardware_bridge.codecs.lsc import Lsc
+from hardware_bridge.codecs.maestro import timeout_s
 from hardware_bridge.engine import Callbacks, Engine
 from hardware_bridge.errors import ParameterError, Refused, StateError
 from hardware_bridge.events import FACES, SOURCES, FaceEvent, SentEvent, Snapshot
@@ -80,6 +81,7 @@ class Bridge:
         self.board = board
         self.rules = replace(rules, shape_check=functools.lru_cache(maxsize=32768)(rules.shape_check))
         self._wanted_time_scale = time_scale
+        self._liveness_period_s = liveness_period_s
         self._state_dir = state_directory() if state_dir is None else state_dir
         channels = rules.calibration.channels
         self._link = Link(SerialTransport(port, baud), board, channels, liveness_period_s, liveness_limit_s)
@@ -269,6 +271,16 @@ class Bridge:
     def observer(self) -> str | None:
         """Path of the virtual prototype's observer socket; None on a real port."""
         return None if self._handshake is None else self._handshake.observer
+
+    @property
+    def board_timeout_s(self) -> float | None:
+        """Serial time-out in [s] of the board to set on one that has it: the bridge's queries are more frequent than that.
+
+        None: the board has none, or the bridge is told to ask nothing.
+        """
+        if not self.board.quirks.has_timeout or self._liveness_period_s is None:
+            return None
+        return timeout_s(self._liveness_period_s * self._engine.clock.time_scale)
 
     # ---- shared -----------------------------------------------------------------------------------------------------
 

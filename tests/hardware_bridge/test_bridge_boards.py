@@ -76,6 +76,7 @@ def test_what_does_not_go_together_is_refused_before_a_port_is_opened(make_bridg
     nowhere = str(tmp_path / "nothing")
     with pytest.raises(ParameterError, match="baud is 9600"):
         make_bridge(nowhere, board=parse_board("ssc32"), baud=9600)
+    assert make_bridge(nowhere).board_timeout_s is None
     with pytest.raises(BoardMismatch, match="the calibration is for ssc32"):
         make_bridge(nowhere, rules=replace(rules, calibration=replace(rules.calibration, board="ssc32")))
 
@@ -140,7 +141,8 @@ def test_a_time_out_while_nobody_was_there_is_old_news_but_the_positions_are_unk
 
 
 def test_a_maestro_is_never_silent_for_its_time_out_while_the_bridge_is_there(start_prototype: Callable, make_bridge: Make) -> None:
-    running, bridge = start(start_prototype, make_bridge, "maestro", ControlCenter(0.0, timeout_s=2.0))
+    running, bridge = start(start_prototype, make_bridge, "maestro", ControlCenter(0.0, timeout_s=4 * 4.0 * 0.05))
+    assert bridge.board_timeout_s == pytest.approx(0.8), "four periods of its queries, in robot time"
     with armed(bridge):
         until_s = running.body.time_s + 8.0
         wait_for(lambda: running.body.time_s > until_s, "eight seconds of holding")
