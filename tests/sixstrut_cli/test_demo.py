@@ -35,7 +35,7 @@ def finished(process, limit_s=110):
 def exact(tmp_path_factory):
     """Three rolls of a prototype that is the nominal robot: what was printed, and the folder."""
     folder = tmp_path_factory.mktemp("exact")
-    process = demo(folder, "--perturbation", "0")
+    process = demo(folder, "--perturbation", "0", "--actuators", "ideal")
     return finished(process), process.returncode, folder
 
 

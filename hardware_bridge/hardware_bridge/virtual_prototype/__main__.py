@@ -18,10 +18,12 @@ from hardware_bridge.codecs.registry import VALID, parse_board
 from hardware_bridge.errors import BridgeError, ParameterError
 from hardware_bridge.events import FACES
 from hardware_bridge.virtual_port import default_link
+from hardware_bridge.virtual_prototype.actuated_body import ActuatedBody
 from hardware_bridge.virtual_prototype.boards import emulate
 from hardware_bridge.virtual_prototype.body import SimulatedBody
 from hardware_bridge.virtual_prototype.maestro_board import ControlCenter
 from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
+from sim_core.actuators import STAND_IN, require_actuators
 from sim_core.errors import SimError
 
 
@@ -37,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)
     try:
-        body = SimulatedBody(options.face, options.perturbation, options.seed)
+        body = _body(options)
         calibration = replace(load_calibration(), mid_stroke_length_m=body.mid_stroke_length_m)
         if ended:
             return 0
@@ -64,6 +66,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     return 0
 
 
+def _body(options: argparse.Namespace) -> SimulatedBody:
+    parameters = require_actuators(options.actuators)
+    if parameters is None:
+        return SimulatedBody(options.face, options.perturbation, options.seed)
+    return ActuatedBody(options.face, options.perturbation, options.seed, parameters)
+
+
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="virtual_prototype",
@@ -78,6 +87,11 @@ def _parser() -> argparse.ArgumentParser:
         help="how far they are from the nominal ones, 0.05 = 5 %% (default: %(default)s)",
     )
     parser.add_argument("--face", type=_face, default="TC6", help="the face it starts on (default: %(default)s)")
+    parser.add_argument(
+        "--actuators",
+        default=STAND_IN,
+        help="ideal (constant speed whatever the load), stand-in, or a YAML file like it (default: %(default)s)",
+    )
     parser.add_argument(
         "--time-scale", type=_number(0.01, 100.0), default=1.0, help="robot seconds per second (default: %(default)s)"
     )

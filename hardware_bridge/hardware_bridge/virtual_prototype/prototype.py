@@ -97,12 +97,21 @@ class VirtualPrototype:
         if reply:
             self._port.write(reply)
         self._advance_body(min(now_s, self._body.time_s + CHUNK_S))
+        self._attend_supply(now_s)
         self._tell_lag(now_s - self._body.time_s)
 
     def close(self) -> None:
         """Removes everything that was put beside the link, and the link."""
         self._observer.close()
         self._port.close()
+
+    def _attend_supply(self, now_s: float) -> None:
+        """The board hangs on the same supply as the motors: it tells the voltage, and resets when that is too low."""
+        if self._body.supply_v is not None:
+            self._board.battery_mv = round(self._body.supply_v * 1e3)
+        if self._body.take_brown_out():
+            _log.warning("the supply broke down under the motors' load: the board resets")
+            self._board.reset(now_s)
 
     def _tell_lag(self, lag_s: float) -> None:
         """Once for each time that the body falls behind: what is then seen of it is older than it looks."""

@@ -123,6 +123,18 @@ def test_bad_options_are_refused_by_name(options: list[str], capsys: pytest.Capt
     assert options[0] in capsys.readouterr().err
 
 
+def test_actuators_that_do_not_exist_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        assert main(["--link", str(tmp_path / "prototype"), "--actuators", "nonesuch"]) == 1
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    error = capsys.readouterr().err
+    assert "give ideal, stand-in or a YAML file" in error
+    assert error.count("\n") == 1
+
+
 def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "file").touch()
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}

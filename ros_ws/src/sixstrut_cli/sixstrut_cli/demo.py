@@ -16,6 +16,7 @@ from rich.console import Console
 
 from hardware_bridge.bag_reader import read_session
 from hardware_bridge.codecs.registry import parse_board
+from sim_core.actuators import require_actuators
 from sim_core.library import load_library
 from sim_core.parameters import load_prototype
 from sim_core.perturbation import LAW
@@ -43,6 +44,7 @@ class Plan:
     time_scale: float
     perturbation: float
     board: str
+    actuators: str
     library: str
     bags: Path
 
@@ -55,6 +57,7 @@ def run(plan: Plan) -> int:
     """Run the demo. Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not."""
     require_face(plan.from_face)
     parse_board(plan.board)
+    require_actuators(plan.actuators)
     load_library(plan.library)
     plan.bags.mkdir(parents=True, exist_ok=True)
     os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
@@ -80,7 +83,9 @@ class _Demo:
         plan = self.plan
         pace = "real time" if plan.time_scale == 1.0 else f"{plan.time_scale:g} times real time"
         perturbed = f"perturbed by ±{100 * plan.perturbation:g} % (seed {plan.seed})"
-        self.console.print(f"virtual prototype, board {plan.board}, {perturbed}; {pace}; every roll here is virtual")
+        self.console.print(
+            f"virtual prototype, board {plan.board}, actuators {plan.actuators}, {perturbed}; {pace}; every roll here is virtual"
+        )
         log_folder = plan.bags / "logs" / time.strftime("%Y%m%d-%H%M%S")
         stopped = False
         stack = Stack(log_folder)
@@ -115,6 +120,7 @@ class _Demo:
                 *("--perturbation", str(plan.perturbation)),
                 *("--time-scale", str(plan.time_scale)),
                 *("--board", plan.board),
+                *("--actuators", plan.actuators),
             ],
         )
         with self.console.status("starting the virtual prototype"):
