@@ -128,12 +128,15 @@ def step(
     keep = math.exp(-dt_s / parameters.load_time_s)
     load_n = forces_n + (before.load_n - forces_n) * keep
     ratio = before.supply_v / parameters.supply_nominal_v
-    mids, strengths = np.broadcast_to(mid_m, 6).tolist(), np.broadcast_to(strength, 6).tolist()
-    columns = before.screw_m.tolist(), np.asarray(commanded_m).tolist(), load_n.tolist(), mids, strengths
+    columns = before.screw_m.tolist(), np.asarray(commanded_m).tolist(), load_n.tolist(), _six(mid_m), _six(strength)
     ones = [_one(parameters, ratio, dt_s, *row) for row in zip(*columns, strict=True)]
     screw_m, current_a, stalled, sliding = map(np.array, zip(*ones, strict=True))
     supply_v = max(0.0, parameters.supply_open_v - parameters.supply_resistance_ohm * float(current_a.sum()))
     return Actuators(screw_m, load_n, supply_v, current_a, stalled, sliding)
+
+
+def _six(value: float | Array) -> list[float]:
+    return value.tolist() if isinstance(value, np.ndarray) else [float(value)] * 6
 
 
 def _one(
@@ -173,7 +176,7 @@ def _one(
 
 def lengths_m(parameters: ActuatorParameters, actuators: Actuators) -> Array:
     """Lengths (6,) that the struts have: the screws', shifted within the play by the load."""
-    side = np.clip(actuators.load_n / parameters.play_load_n, -1.0, 1.0)
+    side = np.minimum(np.maximum(actuators.load_n / parameters.play_load_n, -1.0), 1.0)
     return np.asarray(actuators.screw_m + 0.5 * parameters.play_m * side)
 
 
