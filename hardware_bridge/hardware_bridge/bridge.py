@@ -14,12 +14,12 @@ from pathlib import Path
 from hardware_bridge.calibration import STRUTS
 from hardware_bridge.checks import Rules, check_trajectory
 from hardware_bridge.codecs import Board
-from hardware_bridge.codecs.fit import require_fit
 from hardware_bridge.codecs.lsc import Lsc
 from hardware_bridge.codecs.maestro import timeout_s
 from hardware_bridge.engine import Callbacks, Engine
 from hardware_bridge.errors import ParameterError, Refused, StateError
 from hardware_bridge.events import FACES, SOURCES, FaceEvent, SentEvent, Snapshot
+from hardware_bridge.fit import require_fit
 from hardware_bridge.last_pulses import LastPulses, state_directory
 from hardware_bridge.link import Link
 from hardware_bridge.motion import MotionHandle

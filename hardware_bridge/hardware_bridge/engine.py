@@ -19,8 +19,9 @@ from hardware_bridge.clock import RobotClock
 from hardware_bridge.codecs import Board
 from hardware_bridge.errors import BridgeError, LinkLost, ShapeError
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
+from hardware_bridge.health import Answer, judge
 from hardware_bridge.last_pulses import LastPulses
-from hardware_bridge.link import Answer, Link
+from hardware_bridge.link import Link
 from hardware_bridge.motion import MotionHandle, MotionResult, Progress
 from hardware_bridge.protocol import (
     HOMING_NUMBER,
@@ -181,23 +182,14 @@ class Engine:
         Raises:
             LinkLost: It has lost or moved struts that hold; the link is down, so nothing is sent to where they were.
         """
-        errors, silent = answer.health.errors, answer.silent_channels
-        if not errors and not silent:
-            return
-        if self.state.mode in (Mode.DISARMED, Mode.FAULT) and not any(self.state.energised):
-            if errors and self._board.quirks.error_moves:
-                _log.warning(
-                    "the board had latched: %s; its struts may have moved, so their positions are unknown", ", ".join(errors)
-                )
-                self.forget_positions()
-            return
-        if silent:
-            problem = f"the board gives {', '.join(STRUTS[index] for index in silent)} no pulse any more (reset or brown-out)"
-        else:
-            problem = f"the board reports {', '.join(errors)}"
-        if silent or self._board.quirks.error_moves:
+        holds = self.state.mode not in (Mode.DISARMED, Mode.FAULT) or any(self.state.energised)
+        verdict = judge(answer, holds, self._board.quirks.error_moves)
+        if verdict.positions_unknown:
+            _log.warning("%s: nobody knows where the struts are", ", ".join(answer.health.errors) or "no pulse")
             self.forget_positions()
-        raise self.link.lost(problem, "see where each strut is, check supply and wiring, then reset and arm with confirmed lengths")
+        if verdict.problem:
+            remedy = "see where each strut is, check supply and wiring, then reset and arm with confirmed lengths"
+            raise self.link.lost(verdict.problem, remedy)
 
     def forget_positions(self) -> None:
         """Nobody knows any more where the struts are: the next arm needs the operator's word for each."""

@@ -6,33 +6,13 @@ import math
 import time
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 
-from hardware_bridge.codecs import Board, Health
+from hardware_bridge.codecs import Board
 from hardware_bridge.errors import LinkLost
+from hardware_bridge.health import Answer
 from hardware_bridge.transport import SerialTransport
 
 _REPLY_LIMIT_S = 0.1
-
-
-@dataclass(frozen=True)
-class Answer:
-    """A sound answer of the board, and what was true when it was asked.
-
-    Attributes:
-        health: What it said.
-        energised: Which channels had been sent a pulse by then, and well before, in case the answer is a late one to an
-            earlier question.
-    """
-
-    health: Health
-    energised: tuple[bool, ...]
-
-    @property
-    def silent_channels(self) -> tuple[int, ...]:
-        """Indices of the channels that should give a pulse and do not."""
-        pairs = zip(self.health.pulses_us, self.energised, strict=False)
-        return tuple(index for index, (pulse, on) in enumerate(pairs) if on and pulse is None)
 
 
 class Link:

@@ -85,7 +85,7 @@ def read_handshake(port: str) -> Handshake | None:
             str(data["device"]),
             float(data["time_scale"]),
             str(data["observer"]),
-            str(data["board"]),
+            str(data.get("board", "lsc")),
         )
     except (OSError, ValueError, KeyError, TypeError):
         return None

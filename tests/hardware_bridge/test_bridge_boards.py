@@ -158,7 +158,9 @@ def test_after_a_cut_frame_the_positions_on_a_maestro_are_unknown_and_on_others_
             transport = bridge._link._transport
             whole = transport.write_all
 
-            def cut(data: bytes, whole: Callable = whole, transport: object = transport) -> None:
+            def cut(data: bytes, whole: Callable = whole, transport: object = transport) -> object:
+                if len(data) < 25:  # a query
+                    return whole(data)
                 monkeypatch.undo()
                 whole(data[:10])
                 raise LinkLost("port", "cut", "reset", dirty=True)

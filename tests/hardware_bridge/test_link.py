@@ -7,7 +7,8 @@ import pytest
 from hardware_bridge.codecs import Board
 from hardware_bridge.codecs.registry import parse_board
 from hardware_bridge.errors import LinkLost
-from hardware_bridge.link import Answer, Link
+from hardware_bridge.health import Answer
+from hardware_bridge.link import Link
 from hardware_bridge.virtual_prototype.board import EmulatedBoard
 from hardware_bridge.virtual_prototype.boards import emulate
 from hardware_bridge.virtual_prototype.maestro_board import ControlCenter, EmulatedMaestro
