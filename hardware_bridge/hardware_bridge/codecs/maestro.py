@@ -42,6 +42,8 @@ SPEED_UNIT_US_S = 25.0
 """One unit of speed: a quarter microsecond every 10 ms."""
 LIMITS_US = (992, 2000)
 """A channel's limits as delivered, in [us]."""
+WIDEST_US = (500, 2500)
+"""The widest limits that this bridge takes, in [us]."""
 ERRORS = (
     "serial signal",
     "serial overrun",
@@ -103,28 +105,34 @@ class Maestro:
     Attributes:
         device: Device number of the Pololu protocol; None: the compact protocol.
         crc: Whether a CRC-7 is appended to every packet.
+        limits_us: The channels' limits as set in the Control Center, in [us]; the board clips silently what is beyond.
     """
 
     device: int | None = None
     crc: bool = False
+    limits_us: tuple[int, int] = LIMITS_US
 
     name = "maestro"
 
     def __post_init__(self) -> None:
         if self.device is not None:
             check_range("device", self.device, (0, 127))
+        low, high = self.limits_us
+        check_range("lower limit_us", low, (WIDEST_US[0], high - 1))
+        check_range("upper limit_us", high, (low + 1, WIDEST_US[1]))
 
     @property
     def spec(self) -> str:
         """The board with its variant, as the parameter ``board`` names it."""
         device = "" if self.device is None else f":device={self.device}"
-        return self.name + device + (":crc" if self.crc else "")
+        limits = "" if self.limits_us == LIMITS_US else f":limits={self.limits_us[0]}-{self.limits_us[1]}"
+        return self.name + device + (":crc" if self.crc else "") + limits
 
     @property
     def quirks(self) -> Quirks:
         """What the bytes do not say."""
         return Quirks(
-            pulse_us=LIMITS_US,
+            pulse_us=self.limits_us,
             channels=(0, 23),
             duration_ms=(20, 30000),
             longest_frame_bytes=12 * len(self.packet(SET_TARGET, 0, 0, 0)),

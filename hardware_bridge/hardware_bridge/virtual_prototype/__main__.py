@@ -13,7 +13,7 @@ from pathlib import Path
 from types import FrameType
 
 from hardware_bridge.calibration import load_calibration
-from hardware_bridge.codecs.maestro import LIMITS_US, TIMEOUT_S
+from hardware_bridge.codecs.maestro import TIMEOUT_S, WIDEST_US
 from hardware_bridge.codecs.registry import VALID, parse_board
 from hardware_bridge.errors import BridgeError, ParameterError
 from hardware_bridge.events import FACES
@@ -133,7 +133,7 @@ def _board(text: str) -> str:
 def _home(text: str) -> float | None:
     if text in ("ignore", "off"):
         return None if text == "ignore" else 0.0
-    return _number(*LIMITS_US)(text)
+    return _number(*WIDEST_US)(text)
 
 
 def _face(text: str) -> str:

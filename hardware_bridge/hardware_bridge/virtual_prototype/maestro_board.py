@@ -162,7 +162,7 @@ class EmulatedMaestro(EmulatedBoard):
             self._targets_us.pop(channel, None)
             self.order(Off((channel,)), time_s)
             return
-        low, high = m.LIMITS_US
+        low, high = self._board.limits_us
         self._targets_us[channel] = min(max(pulse_us, low), high)
         self._go(channel, time_s)
 

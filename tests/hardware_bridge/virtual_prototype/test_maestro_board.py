@@ -69,9 +69,10 @@ def test_multiple_targets_are_one_packet(codec: Maestro) -> None:
 
 
 def test_targets_are_clipped_to_the_channels_limits_and_zero_is_off() -> None:
-    bench = Bench(Maestro())
-    bench.send(bytes.fromhex("84 01 7F 7F"))
-    assert bench.pulse_us(1) == 2000
+    wide, bench = Bench(Maestro(limits_us=(900, 2100))), Bench(Maestro())
+    for each in (wide, bench):
+        each.send(bytes.fromhex("84 01 7F 7F"))
+    assert (wide.pulse_us(1), bench.pulse_us(1)) == (2100, 2000)
     bench.send(Maestro().set_target(1, 0))
     assert math.isnan(bench.pulse_us(1))
     assert bench.send(Maestro().ask_position(1)) == b"\x00\x00"
