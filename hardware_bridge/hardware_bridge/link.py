@@ -62,7 +62,11 @@ class Link:
         return self._up
 
     def open(self) -> None:
-        """Opens the port afresh. Raises what the transport raises."""
+        """Opens the port afresh; after a cut frame the link stays down until ``resynchronise``.
+
+        Raises:
+            TransportError: What the transport raises.
+        """
         self.close()
         self._transport.open()
         self._reply_bytes = 0
@@ -70,7 +74,7 @@ class Link:
         self._asked_s = -float("inf")
         self._answered_s = None
         self.battery_mv = None
-        self._up = True
+        self._up = not self._dirty
 
     def resynchronise(self) -> bool:
         """Makes a board that may hold part of a frame ready for the next one; whether the stream was dirty.
@@ -87,13 +91,12 @@ class Link:
         for _ in range(self._board.quirks.resync_queries):
             self._ask(())
             if self._answers and self._wait_for_answer():
-                self._dirty = False
-                return True
-        if self._answers:
-            remedy = "switch the servo supply off and on, then reset"
-            self._up = False
-            raise LinkLost(self._transport.port, "does not answer after a cut frame", remedy, dirty=True)
-        self._dirty = False
+                break
+        else:
+            if self._answers:
+                remedy = "switch the servo supply off and on, then reset"
+                raise LinkLost(self._transport.port, "does not answer after a cut frame", remedy, dirty=True)
+        self._dirty, self._up = False, True
         return True
 
     def close(self) -> None:

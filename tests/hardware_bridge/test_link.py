@@ -80,6 +80,7 @@ class Setup:
             self.link.write(self.move(1600))
         assert not self.link.is_up
         self.link.open()
+        assert self.link.is_up == (at == 0), "nobody else uses a dirty link"
 
 
 @pytest.fixture(autouse=True)
@@ -100,6 +101,7 @@ def test_after_a_cut_frame_nothing_moves_and_the_next_one_is_obeyed(spec: str, a
         assert setup.ask(0.0) is not None
     setup.cut_and_reopen(at)
     assert setup.link.resynchronise()
+    assert setup.link.is_up
     assert setup.transport.pulses_us() == [1500] * 6, "neither cancel nor queries complete a move that a board accepts"
     setup.link.write(setup.move(1600))
     assert setup.transport.pulses_us() == [1600] * 6
