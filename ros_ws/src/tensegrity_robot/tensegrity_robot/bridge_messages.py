@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -91,13 +92,22 @@ def trajectory_of(message: JointTrajectory) -> Trajectory:
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 
 
+class LogFacts(NamedTuple):
+    """A bag as diagnostics tell it; `most_waiting`: messages that ever waited for the disk at once."""
+
+    path: str
+    messages: int
+    most_waiting: int
+    fault: str
+
+
 def diagnostics(
-    node: str, snapshot: Snapshot | None, log: tuple[str, int, str] | None, observer: bool | None, hint: str, stamp: Time
+    node: str, snapshot: Snapshot | None, log: LogFacts | None, observer: bool | None, hint: str, stamp: Time
 ) -> DiagnosticArray:
     """What is well and what is not, with names as REP 107 asks: "node: what".
 
     Args:
-        log: path, messages and fault of the bag; None: not recording.
+        log: of the bag; None: not recording.
         observer: whether the observer is there; None: none is expected.
         hint: what to do while there is no bridge.
     """
@@ -142,11 +152,11 @@ def _supervisor(node: str, snapshot: Snapshot) -> DiagnosticStatus:
     return _status(f"{node}: supervisor", level, told, snapshot.port, values)
 
 
-def _log(node: str, log: tuple[str, int, str] | None, port: str) -> DiagnosticStatus:
+def _log(node: str, log: LogFacts | None, port: str) -> DiagnosticStatus:
     if log is None:
         return _status(f"{node}: log", OK, "not recording", port, ())
-    path, messages, fault = log
-    return _status(f"{node}: log", ERROR if fault else OK, fault or "growing", port, (("bag", path), ("messages", messages)))
+    values = (("bag", log.path), ("messages", log.messages), ("most waiting", log.most_waiting))
+    return _status(f"{node}: log", ERROR if log.fault else OK, log.fault or "growing", port, values)
 
 
 def _status(name: str, level: bytes, told: str, hardware: str, values: Sequence[tuple[str, object]]) -> DiagnosticStatus:

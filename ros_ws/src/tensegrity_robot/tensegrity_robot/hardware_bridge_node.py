@@ -50,6 +50,7 @@ from tensegrity_interfaces.action import ExecuteStruts
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, StrutsSent, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, SetFace
 from tensegrity_robot import bridge_messages, messages, qos
+from tensegrity_robot.bridge_messages import LogFacts
 from tensegrity_robot.cdr import wire_bytes
 from tensegrity_robot.errors import StartError
 from tensegrity_robot.filters import EventTimes, ObservationFilter
@@ -97,7 +98,7 @@ class BridgeParameters:
     state_folder: str = parameter("", "where the last pulses are kept; empty: $SIXSTRUT_STATE_DIR or ~/.local/state/sixstrut")
     record: bool = parameter(True, "record the session as a bag")
     bag_folder: str = parameter("", "where bags go; empty: $SIXSTRUT_BAGS or ./bags")
-    library: str = parameter("first", "gait library whose file goes into the bag: a shipped name, or a path")
+    library: str = parameter("robust", "gait library whose file goes into the bag: a shipped name, or a path")
     prototype_file: str = parameter("", "YAML of the robot's numbers that goes into the bag; empty: the nominal prototype")
     frame: str = parameter("odom", "frame of observed joints")
     autostart: bool = parameter(True, "open the port and go active at once; nothing moves")
@@ -554,7 +555,8 @@ class HardwareBridgeNode(LifecycleNode):
         self._publish_diagnostics()
 
     def _publish_diagnostics(self) -> None:
-        log = None if self._log is None else (str(self._log.path), self._log.messages, self._log.fault)
+        told = self._log
+        log = None if told is None else LogFacts(str(told.path), told.messages, told.most_waiting, told.fault)
         snapshot = None if self._bridge is None else self._bridge.snapshot()
         stamp = self.get_clock().now().to_msg()
         self._publish(

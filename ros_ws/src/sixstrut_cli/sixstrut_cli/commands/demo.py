@@ -20,7 +20,7 @@ def command(
     perturbation: Annotated[float, typer.Option(min=0.0, max=0.4, help="How far the prototype is off, 0.05 for ±5 %.")] = 0.05,
     board: Annotated[str, typer.Option(help="Servo board to emulate: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
     actuators: Annotated[str, typer.Option(help="The prototype's actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
-    library: LibraryOption = "first",
+    library: LibraryOption = "robust",
     bags: Annotated[Path, typer.Option(help="Folder for the recorded bag and the picture.")] = Path("bags"),
 ) -> None:
     """Roll the virtual prototype with its twin: board emulator on a pty, bridge, planner and twin as separate processes.
