@@ -13,11 +13,13 @@ from pathlib import Path
 
 from hardware_bridge.calibration import STRUTS
 from hardware_bridge.checks import Rules, check_trajectory
-from hardware_bridge.codecs import Codec
-from hardware_bridge.codecs.lsc import LscCodec
+from hardware_bridge.codecs import Board
+from hardware_bridge.codecs.lsc import Lsc
+from hardware_bridge.codecs.maestro import timeout_s
 from hardware_bridge.engine import Callbacks, Engine
 from hardware_bridge.errors import ParameterError, Refused, StateError
 from hardware_bridge.events import FACES, SOURCES, FaceEvent, SentEvent, Snapshot
+from hardware_bridge.fit import require_fit
 from hardware_bridge.last_pulses import LastPulses, state_directory
 from hardware_bridge.link import Link
 from hardware_bridge.motion import MotionHandle
@@ -25,7 +27,7 @@ from hardware_bridge.protocol import Arm, Disarm, Execute, Hold, Mode, Prove, Re
 from hardware_bridge.streamer import Streamer
 from hardware_bridge.trajectory import Trajectory
 from hardware_bridge.transport import SerialTransport
-from hardware_bridge.virtual_port import Handshake, agree_on_time_scale, read_handshake
+from hardware_bridge.virtual_port import Handshake, agree_on_board, agree_on_time_scale, read_handshake
 
 
 class Bridge:
@@ -40,16 +42,19 @@ class Bridge:
         port: Path or pyserial URL.
         rules: Calibration, limits, pacing and shape check (a function of six rest lengths in m that returns what is
             wrong, or None; called under the lock for every frame, so it should take well under a millisecond).
-        codec: The board; LSC by default.
-        baud: Rate of the port.
+        board: What sits behind the port; LSC by default.
+        baud: Rate between radio and board; None: the board's usual one.
         time_scale: Robot seconds per second; None takes the virtual prototype's, or 1 on a real port.
         state_dir: Where the last pulses are kept; by default ``$SIXSTRUT_STATE_DIR`` or ``~/.local/state/sixstrut``.
-        liveness_period_s: Wall time between battery queries; None asks never.
+        liveness_period_s: Wall time between liveness queries; None asks never.
         liveness_limit_s: Longest wall time without a reply, once the board has ever replied, before the link is lost.
         on_sent: Called with every :class:`SentEvent`: each write that moves or holds, and one heartbeat each period
             (50 ms of robot time by default) without one, while the link is up.
         on_face: Called with every :class:`FaceEvent`.
         on_state: Called with a :class:`Snapshot` on every change of mode, reason, holder, motion or link.
+
+    Raises:
+        BoardMismatch, ParameterError: Board, calibration, baud and frame period do not go together.
     """
 
     def __init__(
@@ -57,8 +62,8 @@ class Bridge:
         port: str,
         rules: Rules,
         *,
-        codec: Codec | None = None,
-        baud: int = 9600,
+        board: Board | None = None,
+        baud: int | None = None,
         time_scale: float | None = None,
         state_dir: Path | None = None,
         liveness_period_s: float | None = 1.0,
@@ -69,12 +74,17 @@ class Bridge:
     ) -> None:
         if time_scale is not None and not (math.isfinite(time_scale) and 0.01 <= time_scale <= 100):
             raise ParameterError("time_scale", time_scale, "0.01 to 100")
-        board = LscCodec() if codec is None else codec
+        board = Lsc() if board is None else board
+        baud = board.quirks.usual_baud if baud is None else baud
+        require_fit(board, rules, baud)
         self.port = port
+        self.board = board
         self.rules = replace(rules, shape_check=functools.lru_cache(maxsize=32768)(rules.shape_check))
         self._wanted_time_scale = time_scale
+        self._liveness_period_s = liveness_period_s
         self._state_dir = state_directory() if state_dir is None else state_dir
-        self._link = Link(SerialTransport(port, baud), board, liveness_period_s, liveness_limit_s)
+        channels = rules.calibration.channels
+        self._link = Link(SerialTransport(port, baud), board, channels, liveness_period_s, liveness_limit_s)
         self._engine = Engine(port, self.rules, board, self._link, Callbacks(on_sent, on_face, on_state))
         self._opening = threading.Lock()
         self._streamer: Streamer | None = None
@@ -88,6 +98,7 @@ class Bridge:
 
         Raises:
             TransportError: :class:`PortMissing`, :class:`PortBusy` or :class:`PortWrongKind`, with the remedy.
+            BoardMismatch: The virtual prototype behind the port has another board.
             TimeScaleError: The time scale does not fit the port.
             StateError: It is open.
         """
@@ -204,9 +215,9 @@ class Bridge:
     def stop(self, reason: str = "stop pressed") -> None:
         """Latches FAULT with the struts held. Works in every state and never raises.
 
-        No frame that could move a strut is begun after this call. There is no command that stops a servo of an LSC, so
-        the present pulses are sent again with the shortest duration. This is not an emergency stop: that is a switch on
-        the servo supply.
+        No frame that could move a strut is begun after this call. No board can be told to stop where it is and say so,
+        hence the last pulses are sent again with the shortest duration. This is not an emergency stop: that is a switch
+        on the servo supply.
         """
         with self._engine.barred(), self._engine.lock:
             self._engine.apply(Stop(reason))
@@ -222,9 +233,11 @@ class Bridge:
             self._require_open("reset")
             if not self._link.is_up:
                 _, record = self._connect(self._engine.clock.time_scale)
-                self._link.resynchronise()
+                was_dirty = self._link.resynchronise()
                 with self._engine.lock:
                     self._engine.use_record(record, self._handshake is not None)
+                    if was_dirty and self.board.quirks.error_moves:
+                        self._engine.forget_positions()
             with self._engine.lock:
                 self._engine.apply(Reset())
                 self._engine.tell_state(force=True)
@@ -259,11 +272,22 @@ class Bridge:
         """Path of the virtual prototype's observer socket; None on a real port."""
         return None if self._handshake is None else self._handshake.observer
 
+    @property
+    def board_timeout_s(self) -> float | None:
+        """Serial time-out in [s] of the board to set on one that has it: the bridge's queries are more frequent than that.
+
+        None: the board has none, or the bridge is told to ask nothing.
+        """
+        if not self.board.quirks.has_timeout or self._liveness_period_s is None:
+            return None
+        return timeout_s(self._liveness_period_s * self._engine.clock.time_scale)
+
     # ---- shared -----------------------------------------------------------------------------------------------------
 
     def _connect(self, wanted_time_scale: float | None) -> tuple[float, LastPulses]:
         """Opens the port, real or virtual, and finds the record that belongs to the robot behind it."""
         handshake = read_handshake(self.port)
+        agree_on_board(self.port, self.board.spec, handshake)
         time_scale = agree_on_time_scale(self.port, wanted_time_scale, handshake)
         self._link.open()
         self._handshake = handshake

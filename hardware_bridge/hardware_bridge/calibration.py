@@ -13,6 +13,7 @@ from typing import Any
 
 import yaml
 
+from hardware_bridge.codecs.registry import BOARDS
 from hardware_bridge.errors import CalibrationError
 
 STRUTS = ("S1", "S2", "S3", "S4", "S5", "S6")
@@ -74,10 +75,12 @@ class Calibration:
     Attributes:
         mid_stroke_length_m: Rest length at zero stroke, in [m].
         struts: Six :class:`StrutCalibration`.
+        board: Name of the board that it was measured with; None: the file does not say.
     """
 
     mid_stroke_length_m: float
     struts: tuple[StrutCalibration, ...]
+    board: str | None = None
 
     @property
     def channels(self) -> tuple[int, ...]:
@@ -103,7 +106,8 @@ class Calibration:
     @property
     def hash(self) -> str:
         """sha256 over every number, in hexadecimal: equal for equal calibrations, whatever the file looks like."""
-        text = json.dumps(asdict(self), sort_keys=True, separators=(",", ":"))
+        values = {key: value for key, value in asdict(self).items() if value is not None}
+        text = json.dumps(values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
 
 
@@ -132,9 +136,12 @@ def parse_calibration(text: str, source: str) -> Calibration:
         CalibrationError: As :func:`load_calibration`.
     """
     data = _parse_yaml(text, source)
-    if not isinstance(data, Mapping) or set(data) != {"mid_stroke_length_m", "struts"}:
+    if not isinstance(data, Mapping) or set(data) - {"board"} != {"mid_stroke_length_m", "struts"}:
         got = sorted(map(str, data)) if isinstance(data, Mapping) else type(data).__name__
-        raise CalibrationError(source, f"top level is {got}, valid is mid_stroke_length_m and struts")
+        raise CalibrationError(source, f"top level is {got}, valid is mid_stroke_length_m, struts and, if you like, board")
+    board = data.get("board")
+    if board is not None and board not in BOARDS:
+        raise CalibrationError(source, f"board is {board!r}, valid is {', '.join(BOARDS)}")
     mid_m = _number(source, None, "mid_stroke_length_m", data["mid_stroke_length_m"], _PLAUSIBLE_MID_STROKE_M)
     struts = data["struts"]
     if not isinstance(struts, Mapping):
@@ -152,7 +159,7 @@ def parse_calibration(text: str, source: str) -> Calibration:
             problem = f"channel {strut.channel} already belongs to {holders[strut.channel]}; give each strut its own"
             raise CalibrationError(source, problem, strut=name)
         holders[strut.channel] = name
-    return Calibration(mid_m, parsed)
+    return Calibration(mid_m, parsed, board)
 
 
 def _parse_strut(source: str, name: str, data: object) -> StrutCalibration:

@@ -13,11 +13,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import TypeVar
 
+from hardware_bridge.calibration import STRUTS
 from hardware_bridge.checks import Rules, check_frame
 from hardware_bridge.clock import RobotClock
-from hardware_bridge.codecs import Codec
+from hardware_bridge.codecs import Board
 from hardware_bridge.errors import BridgeError, LinkLost, ShapeError
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
+from hardware_bridge.health import Answer, judge
 from hardware_bridge.last_pulses import LastPulses
 from hardware_bridge.link import Link
 from hardware_bridge.motion import MotionHandle, MotionResult, Progress
@@ -63,7 +65,7 @@ class _Counters:
 
 
 class Engine:
-    """Supervisor, codec and link under one lock; all but ``tick``, ``snapshot`` and ``barred`` are called with it held.
+    """Supervisor, board and link under one lock; all but ``tick``, ``snapshot`` and ``barred`` are called with it held.
 
     Attributes:
         lock: The lock.
@@ -73,7 +75,7 @@ class Engine:
         virtual: Whether the port is the virtual prototype's.
     """
 
-    def __init__(self, port: str, rules: Rules, codec: Codec, link: Link, callbacks: Callbacks) -> None:
+    def __init__(self, port: str, rules: Rules, board: Board, link: Link, callbacks: Callbacks) -> None:
         self.lock = threading.RLock()
         self.link = link
         self.clock = RobotClock()
@@ -81,9 +83,9 @@ class Engine:
         self.virtual = False
         self._port = port
         self._rules = rules
-        self._codec = codec
+        self._board = board
         self._callbacks = callbacks
-        self._supervisor = Supervisor(rules, codec.quirks.duration_ms[0])
+        self._supervisor = Supervisor(rules, board.quirks.duration_ms[0])
         self._record: LastPulses | None = None
         self._motions: dict[int, MotionHandle] = {}
         self._count = _Counters()
@@ -129,7 +131,9 @@ class Engine:
             if self.link.is_up:
                 try:
                     now_s = self.clock.now().wall_s
-                    self.link.attend(now_s)
+                    answer = self.link.attend(now_s, self.state.energised)
+                    if answer is not None:
+                        self._judge(answer)
                     congested = self._is_congested(now_s)
                 except LinkLost as error:
                     self.apply(LinkLostEvent(str(error)))
@@ -170,6 +174,31 @@ class Engine:
             raise self.link.lost(f"has sent nothing on for {_CONGESTED_LIMIT_S:g} s")
         return True
 
+    # ---- the board's answers ----------------------------------------------------------------------------------------
+
+    def _judge(self, answer: Answer) -> None:
+        """Draws the conclusions from what the board says of itself.
+
+        Raises:
+            LinkLost: It has lost or moved struts that hold; the link is down, so nothing is sent to where they were.
+        """
+        holds = self.state.mode not in (Mode.DISARMED, Mode.FAULT) or any(self.state.energised)
+        verdict = judge(answer, holds, self._board.quirks.error_moves)
+        if verdict.positions_unknown:
+            _log.warning("%s: nobody knows where the struts are", ", ".join(answer.health.errors) or "no pulse")
+            self.forget_positions()
+        if verdict.problem:
+            remedy = "see where each strut is, check supply and wiring, then reset and arm with confirmed lengths"
+            raise self.link.lost(verdict.problem, remedy)
+
+    def forget_positions(self) -> None:
+        """Nobody knows any more where the struts are: the next arm needs the operator's word for each."""
+        self.state = replace(self.state, pulses_us=(None,) * len(STRUTS), energised=(False,) * len(STRUTS))
+        try:
+            self.save_record()
+        except BridgeError as error:  # it is tried again by arm, which then fails
+            _log.error("%s", error)
+
     # ---- the supervisor's effects -----------------------------------------------------------------------------------
 
     def apply(self, event: Event) -> None:
@@ -199,11 +228,7 @@ class Engine:
         homing = send.kind is not Kind.MOVE
         try:
             check_frame(self._rules, send.struts, send.pulses_us, before.pulses_us, send.duration_ms, homing)
-            frame = self._codec.encode_move(
-                [send.pulses_us[index] for index in send.struts],
-                [channels[index] for index in send.struts],
-                send.duration_ms,
-            )
+            frame = self._frame(send)
             assert self._record is not None
             self._record.save(channels, self.state.pulses_us)
             self.link.write(frame)
@@ -221,6 +246,15 @@ class Engine:
         self._written_in_tick = True
         self._emit_sent(send.kind, send.duration_ms, frame)
         return None
+
+    def _frame(self, send: Send) -> bytes:
+        calibration, newest = self._rules.calibration, self.state.last_frame
+        pulses_us = [send.pulses_us[index] for index in send.struts]
+        channels = [calibration.channels[index] for index in send.struts]
+        if send.kind is Kind.HOLD:
+            return self._board.encode_hold(pulses_us, channels)
+        from_us = send.pulses_us if newest is None else calibration.pulses_us(newest.from_m)
+        return self._board.encode_move(pulses_us, channels, send.duration_ms, [from_us[index] for index in send.struts])
 
     def _unsend(self, before: State) -> None:
         """The frame that the supervisor counted as sent was not."""

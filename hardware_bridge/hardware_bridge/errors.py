@@ -89,6 +89,14 @@ class StateFileError(BridgeError):
         super().__init__(f"cannot keep the last pulses in {path}: {problem}; make the folder writable or free space")
 
 
+class BoardMismatch(BridgeError):
+    """The board asked for is not the one that a calibration or a virtual prototype names."""
+
+    def __init__(self, wanted: str, found: str, where: str) -> None:
+        self.wanted, self.found, self.where = wanted, found, where
+        super().__init__(f"board is {wanted}, but {where} is for {found}; set the board to {found}, or use another one")
+
+
 # ---- refused commands -----------------------------------------------------------------------------------------------
 
 

@@ -1,16 +1,17 @@
-"""The open port with its board: writes frames, listens to replies, and says when either is gone."""
+"""The open port with its board: writes frames, asks how the board is, and says when either is gone."""
 
 from __future__ import annotations
 
+import math
 import time
+from collections import deque
+from collections.abc import Sequence
 
-from hardware_bridge.codecs import Codec
+from hardware_bridge.codecs import Board
 from hardware_bridge.errors import LinkLost
+from hardware_bridge.health import Answer
 from hardware_bridge.transport import SerialTransport
 
-_LONGEST_FRAME_BYTES = 25
-_RESYNCHRONISE_TRIES = 26
-"""Queries that fill the longest frame of any length that a stray byte can announce (0x65 + 2 bytes)."""
 _REPLY_LIMIT_S = 0.1
 
 
@@ -19,30 +20,41 @@ class Link:
 
     A failed link stays down until it is opened again. After a cut frame the stream is dirty: see ``resynchronise``.
 
+    A question's answer is what comes between it and the next question, and must be sound by length and content. Anything
+    else is a failed question: the next one begins with a flush, and after ``liveness_limit_s`` without an answer the link
+    is lost.
+
     Attributes:
         battery_mv: Last supply voltage that the board told, in [mV].
         write_errors: Failed or partial writes.
+        bad_replies: Questions that were answered by too many, too few or nonsensical bytes.
     """
 
     def __init__(
         self,
         transport: SerialTransport,
-        codec: Codec,
+        board: Board,
+        channels: Sequence[int],
         liveness_period_s: float | None,
         liveness_limit_s: float,
     ) -> None:
         self._transport = transport
-        self._codec = codec
-        self._liveness_period_s = liveness_period_s if codec.quirks.reports_liveness else None
+        self._board = board
+        self._channels = tuple(channels)
+        self._liveness_period_s = liveness_period_s
         self._liveness_limit_s = liveness_limit_s
         self._up = False
-        self._decoder = codec.reply_decoder()
+        self._reply = bytearray()
+        self._reply_bytes = 0
+        asked = 1 if liveness_period_s is None else math.ceil(liveness_limit_s / liveness_period_s)
+        self._energised: deque[tuple[bool, ...]] = deque(maxlen=1 + asked)
         self._asked_s = -float("inf")
         self._answered_s: float | None = None
         self._answers = False
         self._dirty = False
         self.battery_mv: int | None = None
         self.write_errors = 0
+        self.bad_replies = 0
 
     @property
     def is_up(self) -> bool:
@@ -50,44 +62,42 @@ class Link:
         return self._up
 
     def open(self) -> None:
-        """Opens the port afresh. Raises what the transport raises."""
+        """Opens the port afresh; after a cut frame the link stays down until ``resynchronise``.
+
+        Raises:
+            TransportError: What the transport raises.
+        """
         self.close()
         self._transport.open()
-        self._decoder = self._codec.reply_decoder()
+        self._reply_bytes = 0
+        self._energised.clear()
         self._asked_s = -float("inf")
         self._answered_s = None
         self.battery_mv = None
-        self._up = True
+        self._up = not self._dirty
 
-    def resynchronise(self) -> None:
-        """Makes a board that may hold half a frame ready for the next one; does nothing on a clean stream.
+    def resynchronise(self) -> bool:
+        """Makes a board that may hold part of a frame ready for the next one; whether the stream was dirty.
 
-        Sends queries, which move nothing, until the board answers or the longest frame must be complete. Read as the rest
-        of a move, a query's bytes give pulses and channels that no board accepts.
+        Sends the board's cancel, if it has one, then queries, which move nothing, until the board answers or the longest
+        frame must be complete (see ``Quirks``).
 
         Raises:
             LinkLost: A board that used to answer does not; the link is down.
         """
         if not self._dirty:
-            return
-        for _ in range(_RESYNCHRONISE_TRIES):
-            self.write(self._codec.encode_liveness())
-            if self._answers and self._wait_for_reply():
-                self._dirty = False
-                return
-        if self._answers:
-            remedy = "switch the servo supply off and on, then reset"
-            self._up = False
-            raise LinkLost(self._transport.port, "does not answer after a cut frame", remedy, dirty=True)
-        self._dirty = False
-
-    def _wait_for_reply(self) -> bool:
-        deadline = time.monotonic() + _REPLY_LIMIT_S
-        while time.monotonic() < deadline:
-            if self._decoder.feed(self._transport.read_available()):
-                return True
-            time.sleep(0.005)
-        return False
+            return False
+        self.write(self._board.quirks.cancel)
+        for _ in range(self._board.quirks.resync_queries):
+            self._ask(())
+            if self._answers and self._wait_for_answer():
+                break
+        else:
+            if self._answers:
+                remedy = "switch the servo supply off and on, then reset"
+                raise LinkLost(self._transport.port, "does not answer after a cut frame", remedy, dirty=True)
+        self._dirty, self._up = False, True
+        return True
 
     def close(self) -> None:
         """Closes the port."""
@@ -98,13 +108,15 @@ class Link:
         """Nothing more is written or read."""
         self._up = False
 
-    def lost(self, problem: str) -> LinkLost:
+    def lost(self, problem: str, remedy: str = "check power and link, then reset") -> LinkLost:
         """Takes the link down and makes the error that says so."""
         self._up = False
-        return LinkLost(self._transport.port, problem, "check power and link, then reset")
+        return LinkLost(self._transport.port, problem, remedy)
 
     def write(self, data: bytes) -> None:
         """Writes all, or takes the link down and raises :class:`LinkLost`."""
+        if not data:
+            return
         try:
             self._transport.write_all(data)
         except LinkLost as error:
@@ -115,25 +127,71 @@ class Link:
 
     def is_congested(self) -> bool:
         """Whether more than a frame is still waiting in the port."""
-        return self._transport.pending_bytes() > _LONGEST_FRAME_BYTES
+        return self._transport.pending_bytes() > self._board.quirks.longest_frame_bytes
 
-    def attend(self, now_s: float) -> None:
-        """Reads replies, asks for a sign of life when it is time, and judges silence. ``now_s`` is wall time.
+    def attend(self, now_s: float, energised: Sequence[bool] = ()) -> Answer | None:
+        """Reads what came, asks for a sign of life when it is time, and judges silence. ``now_s`` is wall time.
 
         A board that has never answered is not missed: not every one of the family does.
+
+        Args:
+            energised: Which channels have been sent a pulse.
+
+        Returns:
+            The board's answer, if it has become complete.
+
+        Raises:
+            LinkLost: The port failed, or a board that used to answer has been silent for too long.
         """
-        try:
-            replies = self._decoder.feed(self._transport.read_available())
-        except LinkLost:
-            self._up = False
-            raise
-        if replies:
-            self.battery_mv = replies[-1]
+        answer = self._listen()
+        if answer is not None:
             self._answered_s, self._answers = now_s, True
+            self.battery_mv = answer.health.battery_mv
         if self._liveness_period_s is None:
-            return
+            return answer
         if self._answered_s is not None and now_s - self._answered_s > self._liveness_limit_s:
             raise self.lost(f"the board has not answered for {self._liveness_limit_s:g} s")
         if now_s - self._asked_s >= self._liveness_period_s:
             self._asked_s = now_s
-            self.write(self._codec.encode_liveness())
+            self._ask(energised)
+        return answer
+
+    def _ask(self, energised: Sequence[bool]) -> None:
+        self._read()  # what is left over belongs to no question of ours
+        if self._reply_bytes and self._reply:
+            self.bad_replies += 1
+        query = self._board.encode_query(self._channels)
+        self._reply.clear()
+        self._reply_bytes = query.reply_bytes
+        self._energised.append(tuple(energised))
+        self.write(query.data)
+
+    def _listen(self) -> Answer | None:
+        """The answer to the open question, once all of it has come."""
+        self._reply += self._read()
+        if not self._reply_bytes:
+            self._reply.clear()
+            return None
+        if len(self._reply) < self._reply_bytes:
+            return None
+        health = self._board.parse_reply(bytes(self._reply), len(self._channels))
+        if health is None:
+            return None
+        self._reply_bytes = 0
+        self._reply.clear()
+        return Answer(health, tuple(map(all, zip(*self._energised, strict=False))))
+
+    def _read(self) -> bytes:
+        try:
+            return self._transport.read_available()
+        except LinkLost:
+            self._up = False
+            raise
+
+    def _wait_for_answer(self) -> bool:
+        deadline = time.monotonic() + _REPLY_LIMIT_S
+        while time.monotonic() < deadline:
+            if self._listen() is not None:
+                return True
+            time.sleep(0.005)
+        return False

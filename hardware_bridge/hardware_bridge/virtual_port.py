@@ -15,7 +15,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
-from hardware_bridge.errors import TimeScaleError
+from hardware_bridge.errors import BoardMismatch, TimeScaleError
 
 
 @dataclass(frozen=True)
@@ -28,6 +28,7 @@ class Handshake:
         device: The pty behind the link.
         time_scale: Its robot seconds per second.
         observer: Path of its observer's socket.
+        board: The board that it emulates (see ``codecs.registry``).
     """
 
     pid: int
@@ -35,6 +36,7 @@ class Handshake:
     device: str
     time_scale: float
     observer: str
+    board: str = "lsc"
 
 
 def default_link() -> Path:
@@ -83,6 +85,7 @@ def read_handshake(port: str) -> Handshake | None:
             str(data["device"]),
             float(data["time_scale"]),
             str(data["observer"]),
+            str(data.get("board", "lsc")),
         )
     except (OSError, ValueError, KeyError, TypeError):
         return None
@@ -101,6 +104,12 @@ def agree_on_time_scale(port: str, wanted: float | None, handshake: Handshake | 
     if handshake is None:
         raise TimeScaleError(port, wanted, "it is no living virtual prototype, valid is 1 only")
     raise TimeScaleError(port, wanted, f"the virtual prototype runs at {actual:g}, start both with the same one")
+
+
+def agree_on_board(port: str, spec: str, handshake: Handshake | None) -> None:
+    """Raises BoardMismatch if the virtual prototype behind ``port`` emulates another board than ``spec``."""
+    if handshake is not None and handshake.board != spec:
+        raise BoardMismatch(spec, handshake.board, f"the virtual prototype at {port}")
 
 
 def _is_locked(path: Path) -> bool:

@@ -11,6 +11,8 @@ from hardware_bridge.bridge import Bridge
 from hardware_bridge.calibration import Calibration, load_calibration
 from hardware_bridge.checks import Rules
 from hardware_bridge.limits import Pacing
+from hardware_bridge.virtual_prototype.board import EmulatedBoard
+from hardware_bridge.virtual_prototype.boards import emulate
 from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
 from tests.hardware_bridge.helpers import StillBody, Wire
 
@@ -51,10 +53,11 @@ def make_bridge(tmp_path: Path, rules: Rules) -> Iterator[Callable[..., Bridge]]
 class Running:
     """A virtual prototype with a body without physics, in a thread of this process, behind a real pty."""
 
-    def __init__(self, link: Path, time_scale: float) -> None:
+    def __init__(self, link: Path, time_scale: float, board: EmulatedBoard) -> None:
         self.link = link
         self.body = StillBody()
-        self.prototype = VirtualPrototype(link, self.body, load_calibration(), 9600, time_scale)
+        self.board = board
+        self.prototype = VirtualPrototype(link, self.body, load_calibration(), board, time_scale)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self.prototype.run, args=(self._ended.is_set,))
         self._thread.start()
@@ -72,8 +75,8 @@ class Running:
 def start_prototype(tmp_path: Path) -> Iterator[Callable[..., Running]]:
     running: list[Running] = []
 
-    def start(time_scale: float = 8.0, name: str = "prototype") -> Running:
-        running.append(Running(tmp_path / name, time_scale))
+    def start(time_scale: float = 8.0, name: str = "prototype", board: EmulatedBoard | None = None) -> Running:
+        running.append(Running(tmp_path / name, time_scale, emulate("lsc") if board is None else board))
         return running[-1]
 
     yield start

@@ -85,6 +85,8 @@ class StillBody:
         self.time_s = 0.0
         self.lengths_m = np.full(6, MID_M)
         self.history: list[tuple[float, np.ndarray]] = []
+        self.supply_v: float | None = None
+        self.brown_out = False
 
     def set_targets(self, lengths_m: np.ndarray) -> None:
         new = np.where(np.isnan(lengths_m), self.lengths_m, lengths_m)
@@ -94,6 +96,10 @@ class StillBody:
 
     def advance_to(self, time_s: float) -> None:
         self.time_s = time_s
+
+    def take_brown_out(self) -> bool:
+        was, self.brown_out = self.brown_out, False
+        return was
 
     def observe(self) -> Observation:
         return Observation(int(self.time_s * 1e9), "TC6", "TC6", True, np.zeros((12, 3)), np.zeros(3))

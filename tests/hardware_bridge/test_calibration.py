@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from importlib.resources import files
 from pathlib import Path
 
 import pytest
@@ -168,3 +169,14 @@ def test_a_file_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     (tmp_path / "binary.yaml").write_bytes(b"\xff\xfe\x00")
     with pytest.raises(CalibrationError, match="UTF-8"):
         load_calibration(tmp_path / "binary.yaml")
+
+
+def test_a_file_may_name_its_board() -> None:
+    assert load_calibration().board is None
+    text = (files("hardware_bridge") / "data" / "calibration_default.yaml").read_text(encoding="utf-8")
+    named = parse_calibration(f"board: ssc32\n{text}", "robot.yaml")
+    assert named.board == "ssc32"
+    assert named.struts == load_calibration().struts
+    assert named.hash != load_calibration().hash
+    with pytest.raises(CalibrationError, match="board is 'arduino', valid is lsc, ssc32, maestro"):
+        parse_calibration(f"board: arduino\n{text}", "robot.yaml")

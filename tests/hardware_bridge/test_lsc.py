@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware_bridge.codecs import Codec
+from hardware_bridge.codecs import Board, Health
 from hardware_bridge.codecs.lsc import (
     Frame,
     FrameDecoder,
-    LscCodec,
+    Lsc,
     Move,
     decode_battery_reply,
     decode_move,
@@ -149,10 +149,16 @@ def test_nonsense_is_no_move(frame: Frame) -> None:
     assert decode_move(frame) is None
 
 
-def test_the_codec_is_one_and_states_its_quirks() -> None:
-    codec: Codec = LscCodec()
-    assert codec.encode_move([1500], [1], 100) == encode_move([1500], [1], 100)
-    assert codec.quirks.first_move_ignores_duration
-    assert not codec.quirks.acknowledges
-    assert codec.quirks.stops_by_holding
-    assert codec.reply_decoder().feed(b"\x00" + encode_battery_reply(7000) + encode_battery_reply(6900)) == [7000, 6900]
+def test_the_board_is_one_and_states_its_quirks() -> None:
+    board: Board = Lsc()
+    assert board.encode_move([1500], [1], 100, [1490.0]) == encode_move([1500], [1], 100)
+    assert board.encode_hold([1500], [1]) == encode_move([1500], [1], 20)
+    assert board.encode_query([1]) == (encode_battery_query(), 6)
+    assert not board.quirks.tells_pulses
+    assert not board.quirks.error_moves
+
+
+def test_the_newest_voltage_is_found_among_other_replies() -> None:
+    others = b"\x00" + encode_battery_reply(7000) + encode_frame(0x08, bytes(3))
+    assert Lsc().parse_reply(others + encode_battery_reply(6900), 6) == Health(battery_mv=6900)
+    assert Lsc().parse_reply(others[:5], 6) is None

@@ -18,7 +18,7 @@ def test_a_living_prototype_is_known_by_its_handshake(start_prototype: Callable)
     shake = read_handshake(str(running.link))
     assert shake is not None
     assert (shake.pid, shake.time_scale, shake.device) == (os.getpid(), 8.0, os.readlink(running.link))
-    assert set(vars(shake)) == {"pid", "instance", "device", "time_scale", "observer"}, "nothing of its parameters"
+    assert set(vars(shake)) == {"pid", "instance", "device", "time_scale", "observer", "board"}, "nothing of its parameters"
 
 
 def test_a_dead_prototypes_files_prove_nothing(start_prototype: Callable, tmp_path: Path) -> None:

@@ -19,7 +19,7 @@ ARM_CALL = 'ros2 service call /arm tensegrity_interfaces/srv/Arm "{lifted_and_cl
 @pytest.fixture(scope="module")
 def stack(module_processes):
     """The whole stack on a virtual prototype without errors of its own, twelve times as fast as life."""
-    prototype = module_processes.start("virtual_prototype", "--time-scale", "12", "--perturbation", "0")
+    prototype = module_processes.start("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
     module_processes.start("twin")
     module_processes.start("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
     module_processes.start("hardware_bridge")

@@ -104,6 +104,13 @@ def test_a_real_port_has_no_time_scale(processes, real_port):
     assert "valid is 1 only" in error
 
 
+def test_another_board_than_the_virtual_prototypes_is_a_one_line_error(processes):
+    processes.start("virtual_prototype", "--board", "maestro:crc").says("ready")
+    error = one_line_error(processes.start("hardware_bridge", board="ssc32"))
+    assert "board is ssc32, but the virtual prototype at" in error
+    assert "is for maestro:crc; set the board to maestro:crc" in error
+
+
 @pytest.mark.parametrize(
     ("node", "parameters", "why"),
     [
@@ -114,6 +121,8 @@ def test_a_real_port_has_no_time_scale(processes, real_port):
         ("gait_planner", {"library": "nonesuch"}, "shipped are:"),
         ("gait_planner", {"settle_timeout_s": "soon"}, "parameter settle_timeout_s: valid is a decimal number"),
         ("hardware_bridge", {"calibration": "/nowhere.yaml", "port": "/dev/null"}, "calibration /nowhere.yaml: cannot be read"),
+        ("hardware_bridge", {"board": "arduino", "port": "/dev/null"}, "board is 'arduino', valid is lsc, ssc32, or maestro"),
+        ("hardware_bridge", {"board": "ssc32", "baud": 9600, "port": "/dev/null"}, "baud is 9600, valid is at least"),
     ],
 )
 def test_a_bad_parameter_is_a_one_line_error(processes, node, parameters, why):

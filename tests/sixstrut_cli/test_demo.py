@@ -35,7 +35,7 @@ def finished(process, limit_s=110):
 def exact(tmp_path_factory):
     """Three rolls of a prototype that is the nominal robot: what was printed, and the folder."""
     folder = tmp_path_factory.mktemp("exact")
-    process = demo(folder, "--perturbation", "0")
+    process = demo(folder, "--perturbation", "0", "--actuators", "ideal")
     return finished(process), process.returncode, folder
 
 
@@ -94,3 +94,16 @@ def test_interrupted_in_mid_roll_it_holds_the_struts_closes_the_bag_and_exits_0(
     (bag,) = tmp_path.glob("*.mcap")
     assert not list(tmp_path.glob("*.journal"))
     assert list(read_session(bag).of("bridge/struts_sent"))
+
+
+@pytest.mark.ros
+@pytest.mark.slow
+@pytest.mark.parametrize("board", ["ssc32", "maestro:device=12:crc"])
+def test_it_rolls_with_any_board(tmp_path, board):
+    process = demo(tmp_path, "--rolls", "1", "--board", board)
+    printed = finished(process)
+    assert process.returncode == 0, printed
+    assert f"board {board}" in printed
+    (bag,) = tmp_path.glob("*.mcap")
+    frames = [sent.frame for sent in read_session(bag).of("bridge/struts_sent") if len(sent.frame)]
+    assert {bytes(frame[:1]) for frame in frames} == {b"#" if board == "ssc32" else b"\xaa"}

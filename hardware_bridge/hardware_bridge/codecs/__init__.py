@@ -1,13 +1,16 @@
 """Servo boards as bytes. A board is a codec (pure functions, value to bytes and back) plus its quirks.
 
-No board reports where an actuator is; what some call a position is the pulse that was commanded.
+No board reports where an actuator is; what some call a position is the pulse that was commanded. No board acknowledges
+a move, and on each of them the first move of a channel after power-up or release ignores its duration.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
+
+from hardware_bridge.errors import CodecError
 
 
 @dataclass(frozen=True)
@@ -17,40 +20,63 @@ class Quirks:
     Attributes:
         pulse_us: Shortest and longest pulse that it accepts, in [us].
         channels: First and last channel.
-        max_servos: Most servos in one move frame.
         duration_ms: Shortest and longest duration of a move, in [ms].
-        first_move_ignores_duration: The first move of a channel after power-up goes at full speed.
-        acknowledges: The board answers moves.
-        reports_liveness: The board answers ``encode_liveness``.
-        resynchronises: The board finds the start of the next frame by itself after a cut one.
-        stops_by_holding: There is no command that stops a servo; the present pulses are sent again instead.
+        longest_frame_bytes: Of a move of six servos.
+        usual_baud: A rate that the board offers and at which its frames fit the usual period.
+        cancel: Bytes that end a half-received frame without moving anything; empty: there are none.
+        resync_queries: Liveness queries that at most are needed until a cut frame is over. Read as the rest of a move,
+            they give nothing that the board accepts.
+        error_moves: A cut frame or other error may move the channels (to their "home"): where they are is then unknown.
+        tells_pulses: The answer to a liveness query holds the commanded pulses, so a reset is noticed.
+        has_timeout: The board has a serial time-out of its own; see its codec for what must be set.
     """
 
     pulse_us: tuple[int, int]
     channels: tuple[int, int]
-    max_servos: int
     duration_ms: tuple[int, int]
-    first_move_ignores_duration: bool
-    acknowledges: bool
-    reports_liveness: bool
-    resynchronises: bool
-    stops_by_holding: bool
+    longest_frame_bytes: int
+    usual_baud: int
+    cancel: bytes
+    resync_queries: int
+    error_moves: bool
+    tells_pulses: bool
+    has_timeout: bool
 
 
-class ReplyDecoder(Protocol):
-    """Collects a board's replies from pieces of any size."""
+class Query(NamedTuple):
+    """A question that moves nothing: its bytes, and the exact length of the answer."""
 
-    def feed(self, data: bytes) -> list[int]:
-        """Battery voltages, in [mV], of the replies completed by ``data``; anything else is skipped."""
-        ...
+    data: bytes
+    reply_bytes: int
 
 
-class Codec(Protocol):
-    """The seam between the bridge and a board."""
+@dataclass(frozen=True)
+class Health:
+    """A board's answer to a liveness query.
+
+    Attributes:
+        battery_mv: Supply voltage in [mV]; None: the board does not say.
+        errors: Names of the errors that it has latched since the last query.
+        pulses_us: Commanded pulse in [us] of each channel asked; None where it gives none (never moved, released, or
+            forgotten by a reset). Empty: the board does not say.
+    """
+
+    battery_mv: int | None = None
+    errors: tuple[str, ...] = ()
+    pulses_us: tuple[float | None, ...] = ()
+
+
+class Board(Protocol):
+    """The seam between the bridge and a board. All methods are pure."""
 
     @property
     def name(self) -> str:
-        """The board, as configuration names it."""
+        """The board, as calibration files name it."""
+        ...
+
+    @property
+    def spec(self) -> str:
+        """The board with its variant, as the parameter ``board`` names it (see ``registry``)."""
         ...
 
     @property
@@ -58,22 +84,61 @@ class Codec(Protocol):
         """What the bytes do not say."""
         ...
 
-    def encode_move(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
+    def encode_move(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int, from_us: Sequence[float]) -> bytes:
         """One frame that moves ``channels[i]`` to ``pulses_us[i]``, all arriving together after ``duration_ms``.
+
+        Args:
+            from_us: Where each output is believed to be, in [us]; needed by a board that knows speeds only.
 
         Raises:
             CodecError: A value that the board does not accept.
         """
         ...
 
-    def encode_unload(self, channels: Sequence[int]) -> bytes:
-        """One frame that takes the power off ``channels``: they let go."""
+    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int]) -> bytes:
+        """One frame that repeats pulses already sent, so that nothing goes beyond them.
+
+        This is how every board is stopped. LSC and Maestro have no command that stops a servo; the SSC-32 has one, but
+        it leaves the servo at a pulse that nobody has recorded.
+
+        Raises:
+            CodecError: As ``encode_move``.
+        """
         ...
 
-    def encode_liveness(self) -> bytes:
-        """A query that moves nothing and that a living board answers."""
+    def encode_query(self, channels: Sequence[int]) -> Query:
+        """The liveness query: a living board answers it, and it moves nothing."""
         ...
 
-    def reply_decoder(self) -> ReplyDecoder:
-        """A fresh decoder of the board's replies."""
+    def parse_reply(self, reply: bytes, count: int) -> Health | None:
+        """What the bytes that came since a query about ``count`` channels say; None if they are no sound answer."""
         ...
+
+
+def check_range(field: str, value: int, valid: tuple[int, int]) -> None:
+    """Raises CodecError unless ``value`` is an integer within ``valid``, both ends included."""
+    if isinstance(value, bool) or not isinstance(value, int) or not valid[0] <= value <= valid[1]:
+        raise CodecError(field, value, f"an integer from {valid[0]} to {valid[1]}")
+
+
+def check_channels(channels: Sequence[int], quirks: Quirks) -> None:
+    """Raises CodecError unless there are one to six channels of the board, each once."""
+    if not 1 <= len(channels) <= MAX_SERVOS:
+        raise CodecError("number of servos", len(channels), f"1 to {MAX_SERVOS}")
+    for channel in channels:
+        check_range("channel", channel, quirks.channels)
+    if len(set(channels)) != len(channels):
+        raise CodecError("channels", list(channels), "each channel once")
+
+
+def check_pulses(pulses_us: Sequence[int], channels: Sequence[int], quirks: Quirks) -> None:
+    """Raises CodecError unless there is one pulse that the board accepts for each of one to six channels."""
+    if len(channels) != len(pulses_us):
+        raise CodecError("number of servos", f"{len(channels)} with {len(pulses_us)} pulses", f"1 to {MAX_SERVOS}")
+    check_channels(channels, quirks)
+    for channel, pulse_us in zip(channels, pulses_us, strict=True):
+        check_range(f"pulse_us of channel {channel}", pulse_us, quirks.pulse_us)
+
+
+MAX_SERVOS = 6
+"""Servos of one robot, and so the most in one frame."""

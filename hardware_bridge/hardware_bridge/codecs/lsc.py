@@ -4,7 +4,7 @@
 
 Not documented by the maker, and so assumed: there is no inter-byte timeout and no cancel, so after a cut frame the
 board takes the beginning of the next one as the cut one's rest. ``0x07`` stops action groups only; a servo is stopped
-by sending its present pulse again.
+by sending its last pulse again. A reset cannot be noticed: the board tells its supply voltage and nothing else.
 """
 
 from __future__ import annotations
@@ -12,8 +12,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hardware_bridge.codecs import Quirks
-from hardware_bridge.errors import CodecError
+from hardware_bridge.codecs import Health, Query, Quirks, check_channels, check_pulses, check_range
 
 HEADER = b"\x55\x55"
 CMD_MOVE = 0x03
@@ -21,20 +20,20 @@ CMD_STOP_GROUP = 0x07
 CMD_BATTERY = 0x0F
 CMD_UNLOAD = 0x14
 
-MAX_SERVOS = 6
 MAX_LENGTH = 3 * 32 + 5
 """The largest Len that any board of the family sends or takes: a move of 32 servos."""
 
 QUIRKS = Quirks(
     pulse_us=(500, 2500),
     channels=(1, 32),
-    max_servos=MAX_SERVOS,
     duration_ms=(20, 30000),
-    first_move_ignores_duration=True,
-    acknowledges=False,
-    reports_liveness=True,
-    resynchronises=False,
-    stops_by_holding=True,
+    longest_frame_bytes=25,
+    usual_baud=9600,
+    cancel=b"",
+    resync_queries=26,  # they fill the longest frame that a stray byte can announce (0x65 + 2 bytes)
+    error_moves=False,
+    tells_pulses=False,
+    has_timeout=False,
 )
 
 
@@ -66,13 +65,10 @@ def encode_move(pulses_us: Sequence[int], channels: Sequence[int], duration_ms: 
     Raises:
         CodecError: Wrong counts, a channel twice, or a value that the board does not accept.
     """
-    if not 1 <= len(channels) <= MAX_SERVOS or len(channels) != len(pulses_us):
-        raise CodecError("number of servos", f"{len(channels)} with {len(pulses_us)} pulses", f"1 to {MAX_SERVOS}")
-    _check_channels(channels)
-    _check_range("duration_ms", duration_ms, QUIRKS.duration_ms)
+    check_pulses(pulses_us, channels, QUIRKS)
+    check_range("duration_ms", duration_ms, QUIRKS.duration_ms)
     body = bytearray((len(channels), *_u16(duration_ms)))
     for channel, pulse_us in zip(channels, pulses_us, strict=True):
-        _check_range(f"pulse_us of channel {channel}", pulse_us, QUIRKS.pulse_us)
         body += bytes((channel, *_u16(pulse_us)))
     return encode_frame(CMD_MOVE, bytes(body))
 
@@ -93,9 +89,7 @@ def decode_move(frame: Frame) -> Move | None:
 
 def encode_unload(channels: Sequence[int]) -> bytes:
     """Takes the power off servos: they let go, and their next move ignores its duration again."""
-    if not 1 <= len(channels) <= MAX_SERVOS:
-        raise CodecError("number of servos", len(channels), f"1 to {MAX_SERVOS}")
-    _check_channels(channels)
+    check_channels(channels, QUIRKS)
     return encode_frame(CMD_UNLOAD, bytes((len(channels), *channels)))
 
 
@@ -114,7 +108,7 @@ def encode_battery_query() -> bytes:
 
 def encode_battery_reply(millivolts: int) -> bytes:
     """What the board answers to a battery query."""
-    _check_range("millivolts", millivolts, (0, 0xFFFF))
+    check_range("millivolts", millivolts, (0, 0xFFFF))
     return encode_frame(CMD_BATTERY, bytes(_u16(millivolts)))
 
 
@@ -159,51 +153,33 @@ class FrameDecoder:
         return None
 
 
-class BatteryDecoder:
-    """Battery voltages in [mV] from a stream of replies."""
-
-    def __init__(self) -> None:
-        self._frames = FrameDecoder()
-
-    def feed(self, data: bytes) -> list[int]:
-        """Voltages in [mV] of the battery replies that ``data`` completes."""
-        return [mv for frame in self._frames.feed(data) if (mv := decode_battery_reply(frame)) is not None]
-
-
-class LscCodec:
-    """The LSC family as a :class:`hardware_bridge.codecs.Codec`."""
+@dataclass(frozen=True)
+class Lsc:
+    """The LSC family as a :class:`hardware_bridge.codecs.Board`."""
 
     name = "lsc"
+    spec = "lsc"
     quirks = QUIRKS
 
-    def encode_move(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
-        """See :func:`encode_move`."""
+    def encode_move(
+        self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int, from_us: Sequence[float] = ()
+    ) -> bytes:
+        """See :func:`encode_move`; the board knows where its outputs are."""
         return encode_move(pulses_us, channels, duration_ms)
 
-    def encode_unload(self, channels: Sequence[int]) -> bytes:
-        """See :func:`encode_unload`."""
-        return encode_unload(channels)
+    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int]) -> bytes:
+        """The last pulses again, with the shortest duration."""
+        return encode_move(pulses_us, channels, QUIRKS.duration_ms[0])
 
-    def encode_liveness(self) -> bytes:
+    def encode_query(self, channels: Sequence[int]) -> Query:
         """See :func:`encode_battery_query`."""
-        return encode_battery_query()
+        return Query(encode_battery_query(), len(encode_battery_reply(0)))
 
-    def reply_decoder(self) -> BatteryDecoder:
-        """A fresh decoder of battery replies."""
-        return BatteryDecoder()
+    def parse_reply(self, reply: bytes, count: int) -> Health | None:
+        """The newest voltage among whatever else the board sent: it also announces the ends of action groups."""
+        voltages = [mv for frame in FrameDecoder().feed(reply) if (mv := decode_battery_reply(frame)) is not None]
+        return Health(battery_mv=voltages[-1]) if voltages else None
 
 
 def _u16(value: int) -> tuple[int, int]:
     return value & 0xFF, value >> 8
-
-
-def _check_range(field: str, value: int, valid: tuple[int, int]) -> None:
-    if isinstance(value, bool) or not isinstance(value, int) or not valid[0] <= value <= valid[1]:
-        raise CodecError(field, value, f"an integer from {valid[0]} to {valid[1]}")
-
-
-def _check_channels(channels: Sequence[int]) -> None:
-    for channel in channels:
-        _check_range("channel", channel, QUIRKS.channels)
-    if len(set(channels)) != len(channels):
-        raise CodecError("channels", list(channels), "each channel once")

@@ -13,11 +13,17 @@ from pathlib import Path
 from types import FrameType
 
 from hardware_bridge.calibration import load_calibration
-from hardware_bridge.errors import BridgeError
+from hardware_bridge.codecs.maestro import TIMEOUT_S, WIDEST_US
+from hardware_bridge.codecs.registry import VALID, parse_board
+from hardware_bridge.errors import BridgeError, ParameterError
 from hardware_bridge.events import FACES
 from hardware_bridge.virtual_port import default_link
+from hardware_bridge.virtual_prototype.actuated_body import ActuatedBody
+from hardware_bridge.virtual_prototype.boards import emulate
 from hardware_bridge.virtual_prototype.body import SimulatedBody
+from hardware_bridge.virtual_prototype.maestro_board import ControlCenter
 from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
+from sim_core.actuators import STAND_IN, require_actuators
 from sim_core.errors import SimError
 
 
@@ -33,17 +39,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)
     try:
-        body = SimulatedBody(options.face, options.perturbation, options.seed)
+        body = _body(options)
         calibration = replace(load_calibration(), mid_stroke_length_m=body.mid_stroke_length_m)
         if ended:
             return 0
-        prototype = VirtualPrototype(options.link, body, calibration, options.baud, options.time_scale)
+        settings = ControlCenter(options.maestro_home, options.maestro_timeout)
+        board = emulate(options.board, options.baud, settings)
+        prototype = VirtualPrototype(options.link, body, calibration, board, options.time_scale)
     except (BridgeError, SimError) as error:
         print(error, file=sys.stderr)
         return 1
     try:
         with contextlib.suppress(BrokenPipeError):  # nobody needs to listen
-            scale = f"perturbation {options.perturbation * 100:g} %, seed {options.seed}"
+            scale = f"{options.board}, perturbation {options.perturbation * 100:g} %, seed {options.seed}"
             ready = f"virtual prototype ready: {options.link} ({scale}, time scale {options.time_scale:g})"
             print(ready, flush=True)
         prototype.run(lambda: ended)
@@ -56,6 +64,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, signal.SIG_IGN)
     return 0
+
+
+def _body(options: argparse.Namespace) -> SimulatedBody:
+    parameters = require_actuators(options.actuators)
+    if parameters is None:
+        return SimulatedBody(options.face, options.perturbation, options.seed)
+    return ActuatedBody(options.face, options.perturbation, options.seed, parameters)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -73,10 +88,21 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--face", type=_face, default="TC6", help="the face it starts on (default: %(default)s)")
     parser.add_argument(
+        "--actuators",
+        default=STAND_IN,
+        help="ideal (constant speed whatever the load), stand-in, or a YAML file like it (default: %(default)s)",
+    )
+    parser.add_argument(
         "--time-scale", type=_number(0.01, 100.0), default=1.0, help="robot seconds per second (default: %(default)s)"
     )
-    parser.add_argument("--baud", type=_baud, default=9600, help="between radio and board (default: %(default)s)")
-    parser.add_argument("--board", choices=["lsc"], default="lsc", help="the servo board (default: %(default)s)")
+    parser.add_argument("--board", type=_board, default="lsc", help=f"the servo board: {VALID} (default: %(default)s)")
+    parser.add_argument("--baud", type=_baud, help="between radio and board (default: 9600 for lsc, else 115200)")
+    parser.add_argument(
+        "--maestro-home", type=_home, help="where an error sends a Maestro's channels: ignore (default), off, or a pulse in us"
+    )
+    parser.add_argument(
+        "--maestro-timeout", type=_number(*TIMEOUT_S), help="a Maestro's serial time-out in seconds of robot time (default: off)"
+    )
     return parser
 
 
@@ -95,6 +121,19 @@ def _baud(text: str) -> int:
     if not 300 <= value <= 1_000_000:
         raise argparse.ArgumentTypeError(f"{text} is not from 300 to 1000000")
     return value
+
+
+def _board(text: str) -> str:
+    try:
+        return parse_board(text).spec
+    except ParameterError as error:
+        raise argparse.ArgumentTypeError(str(error)) from error
+
+
+def _home(text: str) -> float | None:
+    if text in ("ignore", "off"):
+        return None if text == "ignore" else 0.0
+    return _number(*WIDEST_US)(text)
 
 
 def _face(text: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -33,17 +34,35 @@ class Body(Protocol):
         """What can be seen now."""
         ...
 
+    @property
+    def supply_v(self) -> float | None:
+        """Voltage of the servo supply; None: not modelled."""
+        ...
+
+    def take_brown_out(self) -> bool:
+        """Whether the supply has been too low for the board since this was last asked."""
+        ...
+
 
 class SimulatedBody:
-    """A robot of ``sim_core`` with perturbed parameters, drawn here and told to nobody."""
+    """A robot of ``sim_core`` with perturbed parameters, drawn here and told to nobody; its actuators are ideal.
 
-    def __init__(self, face: str, perturbation: float, seed: int) -> None:
+    Args:
+        face: It rests on.
+        perturbation: Scale of its perturbation, 0.05 for 5 %.
+        seed: Of the draw.
+        actuator_speed_m_s: Constant speed of the solver's actuators; None: the prototype's.
+    """
+
+    def __init__(self, face: str, perturbation: float, seed: int, actuator_speed_m_s: float | None = None) -> None:
         from sim_core.model import build_model
         from sim_core.parameters import load_prototype
         from sim_core.perturbation import perturb
         from sim_core.robot import Robot
 
         prototype = load_prototype()
+        if actuator_speed_m_s is not None:
+            prototype = replace(prototype, actuator_speed_m_s=actuator_speed_m_s)
         self.mid_stroke_length_m = prototype.strut_length_m
         model = perturb(build_model(prototype), perturbation, seed) if perturbation else build_model(prototype)
         self._steps_per_second = int(model.steps_per_second)
@@ -72,9 +91,21 @@ class SimulatedBody:
         """See :class:`Body`."""
         steps = int(time_s * self._steps_per_second) - self._steps
         if steps > 0:
-            self._robot.advance(steps)
-            if not self._robot.is_slow():
-                self._moved_s = self.time_s
+            self._step(steps)
+
+    def _step(self, steps: int) -> None:
+        self._robot.advance(steps)
+        if not self._robot.is_slow():
+            self._moved_s = self.time_s
+
+    @property
+    def supply_v(self) -> float | None:
+        """See :class:`Body`."""
+        return None
+
+    def take_brown_out(self) -> bool:
+        """See :class:`Body`."""
+        return False
 
     def observe(self) -> Observation:
         """See :class:`Body`."""

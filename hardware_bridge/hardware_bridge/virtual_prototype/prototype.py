@@ -15,9 +15,11 @@ from numpy.typing import NDArray
 from hardware_bridge.calibration import Calibration
 from hardware_bridge.clock import RobotClock
 from hardware_bridge.virtual_port import Handshake, observer_path
-from hardware_bridge.virtual_prototype.board import LscBoard, Outputs
+from hardware_bridge.virtual_prototype.board import EmulatedBoard
 from hardware_bridge.virtual_prototype.body import Body
+from hardware_bridge.virtual_prototype.lsc_board import EmulatedLsc
 from hardware_bridge.virtual_prototype.observer import PERIOD_S, Observer
+from hardware_bridge.virtual_prototype.outputs import Outputs
 from hardware_bridge.virtual_prototype.pseudo_port import PseudoPort
 
 _log = logging.getLogger(__name__)
@@ -42,17 +44,24 @@ class VirtualPrototype:
         link: Where the pty is linked; see ``virtual_port`` for the files beside it.
         body: What the outputs drive.
         calibration: The prototype's own, true one.
-        baud: Rate between Bluetooth module and board, in robot time.
+        board: What takes the bytes; an LSC board by default.
         time_scale: Robot seconds per second.
 
     Raises:
         PrototypeError: The link is taken, or cannot be made.
     """
 
-    def __init__(self, link: Path, body: Body, calibration: Calibration, baud: int = 9600, time_scale: float = 1.0) -> None:
+    def __init__(
+        self,
+        link: Path,
+        body: Body,
+        calibration: Calibration,
+        board: EmulatedBoard | None = None,
+        time_scale: float = 1.0,
+    ) -> None:
         self._body = body
         self._calibration = calibration
-        self._board = LscBoard(baud)
+        self._board = EmulatedLsc() if board is None else board
         self._outputs = Outputs()
         self._time_scale = time_scale
         self._port = PseudoPort(link)
@@ -60,7 +69,8 @@ class VirtualPrototype:
             self._observer = Observer(observer_path(link))
             self._clock = RobotClock(time_scale)
             instance, observer = secrets.token_hex(8), str(self._observer.path)
-            self._port.announce(Handshake(os.getpid(), instance, self._port.device, time_scale, observer))
+            handshake = Handshake(os.getpid(), instance, self._port.device, time_scale, observer, self._board.spec)
+            self._port.announce(handshake)
         except BaseException:
             self._port.close()
             raise
@@ -87,12 +97,21 @@ class VirtualPrototype:
         if reply:
             self._port.write(reply)
         self._advance_body(min(now_s, self._body.time_s + CHUNK_S))
+        self._attend_supply(now_s)
         self._tell_lag(now_s - self._body.time_s)
 
     def close(self) -> None:
         """Removes everything that was put beside the link, and the link."""
         self._observer.close()
         self._port.close()
+
+    def _attend_supply(self, now_s: float) -> None:
+        """The board hangs on the same supply as the motors: it tells the voltage, and resets when that is too low."""
+        if self._body.supply_v is not None:
+            self._board.battery_mv = round(self._body.supply_v * 1e3)
+        if self._body.take_brown_out():
+            _log.warning("the supply broke down under the motors' load: the board resets")
+            self._board.reset(now_s)
 
     def _tell_lag(self, lag_s: float) -> None:
         """Once for each time that the body falls behind: what is then seen of it is older than it looks."""

@@ -58,7 +58,7 @@ def ready(process: subprocess.Popen[str]) -> str:
 def test_a_simulated_robot_follows_the_bridge_and_is_seen(run: Run, tmp_path: Path, make_bridge: Callable[..., Bridge]) -> None:
     link = tmp_path / "prototype"
     process = run(link, "--seed", "3", "--time-scale", "4", "--face", "TC4")
-    assert ready(process) == f"virtual prototype ready: {link} (perturbation 5 %, seed 3, time scale 4)\n"
+    assert ready(process) == f"virtual prototype ready: {link} (lsc, perturbation 5 %, seed 3, time scale 4)\n"
     seen: list[Observation] = []
     client = ObserverClient(str(observer_path(link)), seen.append)
     wait_for(lambda: bool(seen) and seen[-1].settled, "a settled robot", 60.0)
@@ -105,13 +105,34 @@ def test_a_second_one_is_refused_and_a_killed_one_replaced(run: Run, tmp_path: P
 
 @pytest.mark.parametrize(
     "options",
-    [["--face", "TC9"], ["--time-scale", "0"], ["--perturbation", "nan"], ["--baud", "1"], ["--board", "x"], ["--seed", "x"]],
+    [
+        ["--face", "TC9"],
+        ["--time-scale", "0"],
+        ["--perturbation", "nan"],
+        ["--baud", "1"],
+        ["--board", "x"],
+        ["--seed", "x"],
+        ["--maestro-home", "3000"],
+        ["--maestro-timeout", "0"],
+    ],
 )
 def test_bad_options_are_refused_by_name(options: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as caught:
         main(options)
     assert caught.value.code == 2
     assert options[0] in capsys.readouterr().err
+
+
+def test_actuators_that_do_not_exist_are_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        assert main(["--link", str(tmp_path / "prototype"), "--actuators", "nonesuch"]) == 1
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    error = capsys.readouterr().err
+    assert "give ideal, stand-in or a YAML file" in error
+    assert error.count("\n") == 1
 
 
 def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

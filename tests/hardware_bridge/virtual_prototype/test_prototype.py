@@ -14,12 +14,14 @@ import pytest
 from hardware_bridge.bridge import Bridge
 from hardware_bridge.calibration import load_calibration
 from hardware_bridge.codecs.lsc import encode_move
+from hardware_bridge.codecs.registry import parse_board
 from hardware_bridge.errors import PositionUnknown, PrototypeError, TimeScaleError
 from hardware_bridge.observation import Observation, decode_observation
 from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.protocol import Mode, Outcome
 from hardware_bridge.trajectory import Trajectory
 from hardware_bridge.virtual_port import handshake_path, observer_path
+from hardware_bridge.virtual_prototype.boards import emulate
 from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
 from tests.hardware_bridge.helpers import MID, MID_M, StillBody, wait_for
 from tests.hardware_bridge.test_bridge import armed, there_and_back
@@ -152,3 +154,18 @@ def test_a_body_that_falls_behind_says_so_once_each_time(tmp_path: Path, caplog:
         for lag_s in (0.0, 3.0, 4.0, 1.0, 3.0, 0.0, 2.5):
             prototype._tell_lag(lag_s)
     assert [record.args for record in caplog.records] == [(3.0,), (2.5,)]
+
+
+def test_the_board_tells_the_sagging_supply_and_resets_when_it_breaks_down(
+    start_prototype: Callable, make_bridge: Make, caplog: pytest.LogCaptureFixture
+) -> None:
+    running = start_prototype(time_scale=4.0, board=emulate("ssc32"))
+    running.body.supply_v = 6.5
+    wait_for(lambda: running.board.battery_mv == 6500, "the voltage")
+    bridge = make_bridge(str(running.link), board=parse_board("ssc32"), liveness_period_s=0.05, liveness_limit_s=1.0)
+    bridge.open()
+    with armed(bridge):
+        running.body.brown_out = True
+        wait_for(lambda: bridge.snapshot().mode is Mode.FAULT, "the fault")
+    assert "reset or brown-out" in bridge.snapshot().reason
+    assert "the supply broke down under the motors' load" in caplog.text

@@ -15,6 +15,8 @@ from typing import Any
 from rich.console import Console
 
 from hardware_bridge.bag_reader import read_session
+from hardware_bridge.codecs.registry import parse_board
+from sim_core.actuators import require_actuators
 from sim_core.library import load_library
 from sim_core.parameters import load_prototype
 from sim_core.perturbation import LAW
@@ -42,6 +44,8 @@ class Plan:
     from_face: str
     time_scale: float
     perturbation: float
+    board: str
+    actuators: str
     library: str
     bags: Path
 
@@ -53,6 +57,8 @@ class Interrupted(KeyboardInterrupt):
 def run(plan: Plan) -> int:
     """Run the demo. Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not."""
     require_face(plan.from_face)
+    parse_board(plan.board)
+    require_actuators(plan.actuators)
     load_library(plan.library)
     plan.bags.mkdir(parents=True, exist_ok=True)
     os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
@@ -77,8 +83,9 @@ class _Demo:
     def run(self) -> int:
         plan = self.plan
         pace = "real time" if plan.time_scale == 1.0 else f"{plan.time_scale:g} times real time"
+        perturbed = f"perturbed by ±{100 * plan.perturbation:g} % (seed {plan.seed})"
         self.console.print(
-            f"virtual prototype, perturbed by ±{100 * plan.perturbation:g} % (seed {plan.seed}); {pace}; every roll here is virtual"
+            f"virtual prototype, board {plan.board}, actuators {plan.actuators}, {perturbed}; {pace}; every roll here is virtual"
         )
         log_folder = plan.bags / "logs" / time.strftime("%Y%m%d-%H%M%S")
         stopped = False
@@ -111,6 +118,8 @@ class _Demo:
                 *("--seed", str(plan.seed)),
                 *("--perturbation", str(plan.perturbation)),
                 *("--time-scale", str(plan.time_scale)),
+                *("--board", plan.board),
+                *("--actuators", plan.actuators),
             ],
         )
         with self.console.status("starting the virtual prototype"):
@@ -120,6 +129,7 @@ class _Demo:
         stack.start("gait_planner", [executable("tensegrity_robot", "gait_planner"), *ros_arguments({"library": plan.library})])
         bridge = {
             "port": link,
+            "board": plan.board,
             "time_scale": plan.time_scale,
             "bag_folder": plan.bags.resolve(),
             "state_folder": self.folder,

@@ -24,6 +24,7 @@ PACKAGE = "tensegrity_robot"
 ARGUMENTS = (
     ("virtual", "true", "start a virtual prototype and drive it; false: drive the board at `port`"),
     ("port", "", "device or pyserial URL of the board; empty: the virtual prototype's link"),
+    ("board", "lsc", "servo board: lsc, ssc32, maestro, maestro:crc, maestro:device=12:crc"),
     ("perturbation", "0.05", "how far the virtual prototype is off the nominal robot, 0.05 for ±5 %"),
     ("seed", "0", "draws the virtual prototype's true parameters"),
     ("time_scale", "1.0", "robot seconds per second; other than 1 only with a virtual prototype"),
@@ -74,6 +75,7 @@ def _processes(context: LaunchContext) -> list[Action]:
         node(
             "hardware_bridge",
             port=text("port"),
+            board=text("board"),
             time_scale=number("time_scale"),
             calibration=text("calibration"),
             library=text("library"),
@@ -93,6 +95,7 @@ def _processes(context: LaunchContext) -> list[Action]:
             ("perturbation", "perturbation"),
             ("time-scale", "time_scale"),
             ("face", "start_face"),
+            ("board", "board"),
         ):
             arguments += [f"--{option}", LaunchConfiguration(name)]
         # Not a ROS node: it would not understand the --ros-args that launch gives to every node.

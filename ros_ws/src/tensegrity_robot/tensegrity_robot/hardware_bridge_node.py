@@ -34,6 +34,7 @@ from trajectory_msgs.msg import JointTrajectory
 from hardware_bridge.bridge import Bridge
 from hardware_bridge.calibration import load_calibration
 from hardware_bridge.checks import Rules
+from hardware_bridge.codecs.registry import parse_board
 from hardware_bridge.errors import BridgeError, PortMissing, Refused, StateError
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.limits import Limits, Pacing
@@ -68,13 +69,21 @@ UNCALIBRATED = (
     "start the bridge with calibration:=FILE"
 )
 
+SET_ON_THE_BOARD = (
+    "what cannot be set from here, and must be set in Pololu's Control Center: home of the six channels on Ignore, speed and "
+    "acceleration 0, serial time-out {:g} s"
+)
+
 
 @dataclass(frozen=True)
 class BridgeParameters:
     """Parameters of the bridge; the descriptions are what `ros2 param describe` shows."""
 
     port: str = parameter("", "device or pyserial URL of the board; empty: the virtual prototype's well-known link")
-    baud: int = parameter(9600, "rate of the port [baud]", low=300, high=1_000_000)
+    board: str = parameter(
+        "lsc", "servo board: lsc, ssc32 or maestro, the last with :device=N (Pololu protocol) and :crc if so set"
+    )
+    baud: int = parameter(0, "rate of board and port [baud]; 0: the board's usual, lsc 9600, else 115200", low=0, high=1_000_000)
     observer: str = parameter("", "Unix socket of an observer; empty: the virtual prototype's own, if the port is its")
     time_scale: float = parameter(
         0.0, "robot seconds per second; 0: what the port has: the virtual prototype its own, a real port 1", low=0.0, high=100.0
@@ -236,7 +245,8 @@ class HardwareBridgeNode(LifecycleNode):
         bridge = Bridge(
             port,
             rules,
-            baud=p.baud,
+            board=parse_board(p.board),
+            baud=p.baud or None,
             time_scale=p.time_scale or None,
             state_dir=Path(p.state_folder) if p.state_folder else None,
             on_sent=self._on_bridge_sent,
@@ -248,7 +258,8 @@ class HardwareBridgeNode(LifecycleNode):
         snapshot = bridge.snapshot()
         kind = "the virtual prototype" if snapshot.virtual_port else "a real port"
         if self._log is not None:
-            facts |= {"port": port, "kind": kind, "time_scale": f"{snapshot.time_scale:g}", "calibration": rules.calibration.hash}
+            facts |= {"port": port, "kind": kind, "board": bridge.board.spec}
+            facts |= {"time_scale": f"{snapshot.time_scale:g}", "calibration": rules.calibration.hash}
             self._log.open(bag_folder(p.bag_folder), self._types, attachments, facts)
             threading.Thread(target=self._mend_journals, name="mend", daemon=True).start()
         observer = p.observer or bridge.observer
@@ -256,7 +267,11 @@ class HardwareBridgeNode(LifecycleNode):
             self._observer_there = False
             self._observer = ObserverClient(observer, self._on_observation, self._on_observer)
         bag = f", recording {self._log.path}" if self._log else ", not recording"
-        self.get_logger().info(f"{kind} at {port}, time scale {snapshot.time_scale:g}{bag}; DISARMED, nothing moves")
+        self.get_logger().info(
+            f"{kind} at {port}, board {bridge.board.spec}, time scale {snapshot.time_scale:g}{bag}; DISARMED, nothing moves"
+        )
+        if bridge.board_timeout_s is not None and not snapshot.virtual_port:
+            self.get_logger().info(SET_ON_THE_BOARD.format(bridge.board_timeout_s))
         self._publish_diagnostics()
 
     def _close_bridge(self) -> None:

@@ -18,6 +18,8 @@ def command(
         bool, typer.Option("--real-time/--fast", help="Robot seconds as wall seconds, or eight times faster.")
     ] = False,
     perturbation: Annotated[float, typer.Option(min=0.0, max=0.4, help="How far the prototype is off, 0.05 for ±5 %.")] = 0.05,
+    board: Annotated[str, typer.Option(help="Servo board to emulate: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
+    actuators: Annotated[str, typer.Option(help="The prototype's actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
     library: LibraryOption = "robust",
     bags: Annotated[Path, typer.Option(help="Folder for the recorded bag and the picture.")] = Path("bags"),
 ) -> None:
@@ -28,7 +30,8 @@ def command(
     sixstrut demo
     sixstrut demo --rolls 6 --seed 4 --from-face TO1
     sixstrut demo --real-time --perturbation 0.1
+    sixstrut demo --board maestro:crc
     """
     from sixstrut_cli.demo import Plan, run
 
-    raise typer.Exit(run(Plan(rolls, seed, from_face, 1.0 if real_time else 8.0, perturbation, library, bags)))
+    raise typer.Exit(run(Plan(rolls, seed, from_face, 1.0 if real_time else 8.0, perturbation, board, actuators, library, bags)))
