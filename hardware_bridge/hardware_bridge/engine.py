@@ -32,6 +32,7 @@ from hardware_bridge.protocol import (
     Refuse,
     Send,
     State,
+    Supply,
     Tick,
 )
 from hardware_bridge.protocol import LinkLost as LinkLostEvent
@@ -98,8 +99,9 @@ class Engine:
     def begin(self, time_scale: float, record: LastPulses, virtual: bool) -> None:
         """A new stream on a port just opened: clock at 0, ``seq`` from 1. A latched fault stays."""
         was = self.state
+        duty = was.duty.moved_by(-self.clock.now().robot_s)
         self.clock = RobotClock(time_scale)
-        self.state = State()
+        self.state = State(duty=duty)
         if was.mode is Mode.FAULT:
             self.state = replace(self.state, mode=Mode.FAULT, reason=was.reason)
         self._count = _Counters()
@@ -130,6 +132,8 @@ class Engine:
                 try:
                     now_s = self.clock.now().wall_s
                     self.link.attend(now_s)
+                    if self.link.battery_mv != self.state.supply_mv:
+                        self.apply(Supply(self.link.battery_mv))
                     congested = self._is_congested(now_s)
                 except LinkLost as error:
                     self.apply(LinkLostEvent(str(error)))
@@ -292,6 +296,7 @@ class Engine:
                 energised=state.energised,
                 calibration_hash=self._rules.calibration.hash,
                 battery_mv=self.link.battery_mv,
+                duty_left_s=state.duty.left_s(self.clock.now().robot_s, self._rules.limits),
                 frames_sent=count.frames_sent,
                 write_errors=self.link.write_errors,
                 late_periods=count.late_periods,

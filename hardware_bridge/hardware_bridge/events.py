@@ -80,6 +80,7 @@ class Snapshot:
         energised: Which struts have been sent a pulse since the port was opened.
         calibration_hash: Of the calibration in use.
         battery_mv: Last reply of the board, in [mV]; None before the first.
+        duty_left_s: Robot time that the strut that ran longest lately may still run, in [s].
         frames_sent: Frames written since ``open``.
         write_errors: Failed or partial writes since ``open``.
         late_periods: Periods that the frame loop missed, dropped and not made up for.
@@ -102,6 +103,7 @@ class Snapshot:
     energised: tuple[bool, ...]
     calibration_hash: str
     battery_mv: int | None
+    duty_left_s: float
     frames_sent: int
     write_errors: int
     late_periods: int

@@ -56,7 +56,7 @@ class ShapeLimits:
 
 @dataclass(frozen=True)
 class Shape:
-    """One equilibrium: strut forces (6,) N, tension positive; numbers of slack tendons (from 1); smallest gap m; joints (12, 3) m."""
+    """One equilibrium: strut forces (6,) N, tension positive; slack tendons, from 1; smallest gap m; joints (12, 3) m."""
 
     forces_n: Array
     slack: tuple[int, ...]
