@@ -252,6 +252,7 @@ class Bridge:
                 self._link.resynchronise()
                 with self._engine.lock:
                     self._engine.use_record(record, self._handshake is not None)
+                    self._engine.reopened()
             with self._engine.lock:
                 self._engine.apply(Reset())
                 self._engine.tell_state(force=True)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -19,6 +20,7 @@ from hardware_bridge.codecs import Codec
 from hardware_bridge.errors import BridgeError, LinkLost, ShapeError
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.last_pulses import LastPulses
+from hardware_bridge.latency import Latency
 from hardware_bridge.link import Link
 from hardware_bridge.motion import MotionHandle, MotionResult, Progress
 from hardware_bridge.protocol import (
@@ -61,6 +63,7 @@ class _Counters:
     frames_sent: int = 0
     late_periods: int = 0
     congested_periods: int = 0
+    reopened: int = 0
 
 
 class Engine:
@@ -88,6 +91,7 @@ class Engine:
         self._record: LastPulses | None = None
         self._motions: dict[int, MotionHandle] = {}
         self._count = _Counters()
+        self._latency = Latency()
         self._written_in_tick = False
         self._congested_since_s: float | None = None
         self._told: tuple[object, ...] = ()
@@ -104,7 +108,7 @@ class Engine:
         self.state = State(duty=duty)
         if was.mode is Mode.FAULT:
             self.state = replace(self.state, mode=Mode.FAULT, reason=was.reason)
-        self._count = _Counters()
+        self._count, self._latency = _Counters(), Latency()
         self.link.write_errors = 0
         self.use_record(record, virtual)
         self._heartbeat()
@@ -114,6 +118,10 @@ class Engine:
         """Takes the last pulses from the record of the robot behind the port."""
         self._record, self.virtual = record, virtual
         self.state = replace(self.state, pulses_us=record.load(self._rules.calibration.channels))
+
+    def reopened(self) -> None:
+        """Counts a lost link that was opened again."""
+        self._count.reopened += 1
 
     def save_record(self, durable: bool = False) -> None:
         """Writes the record anew. Raises :class:`StateFileError`."""
@@ -210,7 +218,9 @@ class Engine:
             )
             assert self._record is not None
             self._record.save(channels, self.state.pulses_us)
+            begun_s = time.monotonic()
             self.link.write(frame)
+            self._latency.add(time.monotonic() - begun_s)
         except LinkLost as error:
             return LinkLostEvent(str(error))
         except Exception as error:
@@ -301,6 +311,10 @@ class Engine:
                 write_errors=self.link.write_errors,
                 late_periods=count.late_periods,
                 congested_periods=count.congested_periods,
+                duty_limit_s=self._rules.limits.duty_s,
+                supply_low_v=self._rules.limits.supply_low_v,
+                write_latency=self._latency.percentiles(),
+                reopened=count.reopened,
             )
 
     def lengths_m(self) -> tuple[float, ...]:
