@@ -5,5 +5,9 @@ from __future__ import annotations
 from hardware_bridge.errors import BridgeError
 
 
+class KeyboardMissing(BridgeError):
+    """A command that asks for keys was started where nobody can press them."""
+
+
 class StackError(BridgeError):
     """The stack did not come up, or a part of it died."""
