@@ -60,7 +60,7 @@ def examine(port: str, baud: int, calibration: Path | None) -> Iterator[Finding]
     if port or virtual:
         yield from check_port(chosen, baud)
     else:
-        yield Finding("port", Health.SKIPPED, "none given, and no virtual prototype runs", "give --port, or: ./sixstrut prototype")
+        yield Finding("port", Health.SKIPPED, "none given, and no virtual prototype runs", "give --port, or start a prototype")
     yield check_calibration(calibration, real=bool(port) and not virtual)
     yield check_folder("bags", bag_folder(""), FREE_NEEDED_BYTES)
     yield check_folder("state", state_directory(), 1_000_000)

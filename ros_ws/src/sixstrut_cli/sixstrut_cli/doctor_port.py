@@ -79,7 +79,7 @@ def _paired() -> Finding:
 def _check_there(port: str) -> Finding:
     if not os.path.exists(port):
         name = os.path.basename(port)
-        mend = "start it: ./sixstrut prototype, or plug the board in and look at: ls /dev/tty*"
+        mend = "plug the board in and look at: ls /dev/tty*"
         if name.startswith("rfcomm"):
             mend = f"switch the robot on, then: sudo rfcomm bind {name.removeprefix('rfcomm') or 0} MAC 1"
         return Finding("port", Health.MEND, f"{port} does not exist", mend)

@@ -102,6 +102,10 @@ class Operator:
         if self.bridge.state != BridgeState.ARMED:
             raise StackError(f"homing ended in {self.bridge.state}: {self.bridge.reason}")
 
+    def wait_for_duty(self, needed_s: float, limit_s: float) -> None:
+        """Until every strut may run for `needed_s` of robot time again."""
+        wait_until(lambda: self.bridge.duty_left_s >= needed_s, limit_s, "the actuators' rest", self._stack)
+
     def disarm(self) -> None:
         """Give the lease back; says nothing if nobody holds it."""
         self._result(self._disarm.call_async(Disarm.Request()), 10.0, "an answer to disarm")
