@@ -120,6 +120,7 @@ class Recorder:
         self._fault = ""
         self._written = 0
         self._lost = 0
+        self._most_waiting = 0
         self._recording: Recording | None = None
         self._closed = False
         if self.path.exists():
@@ -153,6 +154,16 @@ class Recorder:
     def messages_lost(self) -> int:
         """Messages that a fault kept out of the log."""
         return self._lost
+
+    @property
+    def waiting(self) -> int:
+        """Entries that wait for the disk now; `queue_size` of them is a fault."""
+        return self._queue.qsize()
+
+    @property
+    def most_waiting(self) -> int:
+        """Largest number of entries that ever waited."""
+        return self._most_waiting
 
     # ---- writing ----------------------------------------------------------------------------------------------------
 
@@ -240,6 +251,7 @@ class Recorder:
                     raise RecorderError(str(self.path), "is closed")
                 try:
                     self._queue.put_nowait(item)
+                    self._most_waiting = max(self._most_waiting, self._queue.qsize())
                 except queue.Full:
                     self._fail(f"more than {self._queue.maxsize} messages wait for the disk; check disk and load")
                     self._raise_fault()

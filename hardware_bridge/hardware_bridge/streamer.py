@@ -19,12 +19,14 @@ class Streamer:
     thread goes on, because somebody has to notice the lost lease.
     """
 
-    def __init__(self, tick: Callable[[int], None], failed: Callable[[Exception], None], period_s: float) -> None:
+    def __init__(
+        self, tick: Callable[[int], None], failed: Callable[[Exception], None], period_s: float, name: str = "bridge frames"
+    ) -> None:
         self._tick = tick
         self._failed = failed
         self._period_s = period_s
         self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="bridge frames", daemon=True)
+        self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
         """Begins; the first call comes after one period."""
@@ -46,5 +48,5 @@ class Streamer:
             try:
                 self._tick(missed)
             except Exception as error:
-                _log.exception("frame loop")
+                _log.exception(self._thread.name)
                 self._failed(error)

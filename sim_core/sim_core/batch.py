@@ -50,9 +50,11 @@ class Shared(NamedTuple):
 
 
 class Robots(NamedTuple):
-    """What differs from model to model: kernel rows (m, rows), masses (m, P), carrying force (m,), down (m, 3)."""
+    """What differs from model to model: kernel rows (m, rows), bodies (m, rows; (0, rows) if all models have the same), masses
+    (m, P), carrying force (m,), down (m, 3)."""
 
     par: Array
+    body: Array
     mass: Array
     carry: Array
     down: Array
@@ -66,25 +68,26 @@ def aligned_rows(rows: int) -> Array:
 
 
 @njit(nogil=True, cache=True)
-def _run(state, par, work, track, topology, shared, rules, robots, starts, jobs, neutral, targets, records, peaks, centers):
+def _run(state, par, work, track, assembly, shared, rules, robots, starts, jobs, neutral, targets, records, peaks, centers):
     """Run jobs (model, start, source face, aim) one after the other through eight lanes."""
     job_of_lane = np.full(WIDTH, -1)
-    following, running = 0, 0
+    running = jobs.shape[0] - jobs.shape[0]  # a variable zero: a literal one would have `_load` compiled twice
+    following = running
     for lane in range(WIDTH):
         if following < jobs.shape[0]:
-            _load(state, par, work, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
+            _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
             job_of_lane[lane] = following
             following += 1
             running += 1
         else:  # an idle lane repeats the first robot
-            state[:, lane] = state[:, 0]
-            par[:, lane] = par[:, 0]
-            work[:, lane] = work[:, 0]
+            for rows in (state, par, work):
+                _copy(rows[:, 0], rows[:, lane])
+            _copy_body(assembly.body, lane)
     while running > 0:
         if shared.static:
-            q.relax(state, par, work, track, topology, shared.dt, shared.reach, q.LOOK_STEPS)
+            q.relax(state, par, work, track, assembly, shared.dt, shared.reach, q.LOOK_STEPS)
         else:
-            k.advance(state, par, work, topology, shared.dt, shared.zeta, shared.reach, shared.chunk)
+            k.advance(state, par, work, assembly, shared.dt, shared.zeta, shared.reach, shared.chunk)
         for lane in range(WIDTH):
             job = job_of_lane[lane]
             if job < 0:
@@ -100,13 +103,21 @@ def _run(state, par, work, track, topology, shared, rules, robots, starts, jobs,
                 peaks[job, s] = state[shared.struts + s * k.STRUT_ROWS + k.PEAK, lane]
             w.center_of_mass(state[:, lane], own.mass, centers[job])
             if following < jobs.shape[0]:
-                _load(state, par, work, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
-                track[:, lane] = 0.0
+                _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
+                for row in range(track.shape[0]):
+                    track[row, lane] = 0.0
                 job_of_lane[lane] = following
                 following += 1
             else:
                 job_of_lane[lane] = -1
                 running -= 1
+
+
+@njit(cache=True)
+def _copy(source, to):
+    """Copy a column. (A slice assignment compiles ten times as long: it has messages about shapes.)"""
+    for row in range(to.shape[0]):
+        to[row] = source[row]
 
 
 @njit(cache=True)
@@ -123,18 +134,20 @@ def _own(rules, robots, model):
         rules.box_radius_m,
         rules.particles,
         rules.face_of_joints,
+        rules.face_joints,
         rules.strut_ends,
     )
 
 
 @njit(cache=True)
-def _load(state, par, work, lane, job, shared, rules, robots, starts, jobs, neutral, targets, records):
+def _load(state, par, work, assembly, lane, job, shared, rules, robots, starts, jobs, neutral, targets, records):
     """Put a job's robot, settled, into a lane."""
     model, start = jobs[job, 0], jobs[job, 1]
     rows = state.shape[0]
-    state[:, lane] = starts[start, :rows]
-    work[:, lane] = starts[start, rows:]
-    par[:, lane] = robots.par[model]
+    _copy(starts[start, :rows], state[:, lane])
+    _copy(starts[start, rows:], work[:, lane])
+    _copy(robots.par[model], par[:, lane])
+    _put_body(assembly.body, lane, robots.body, model)
     own = _own(rules, robots, model)
     w.begin(state[:, lane], work[:, lane], records[job], own, shared.struts, jobs[job, 2], jobs[job, 3], neutral[model])
     for s in range(6):
@@ -143,14 +156,29 @@ def _load(state, par, work, lane, job, shared, rules, robots, starts, jobs, neut
         q.step_lengths(state[:, lane], shared.struts)
 
 
+@njit(cache=True)
+def _put_body(body, lane, bodies, model):
+    """Put a model's body into a lane, where lanes have their own."""
+    if body.ndim == 2:
+        _copy(bodies[model], body[:, lane])
+
+
+@njit(cache=True)
+def _copy_body(body, lane):
+    """Put the first lane's body into another, where lanes have their own."""
+    if body.ndim == 2:
+        _copy(body[:, 0], body[:, lane])
+
+
 @njit(nogil=True, cache=True)
-def _settle(state, par, work, topology, dt, zeta, reach, steps):
-    k.advance(state, par, work, topology, dt, zeta, reach, steps)
+def _settle(state, par, work, assembly, dt, zeta, reach, steps):
+    k.advance(state, par, work, assembly, dt, zeta, reach, steps)
 
 
 def _family(model: Model) -> tuple[object, ...]:
     """What the models of a batch must have in common."""
-    return model.kind, model.topology.particles, model.dt_s, model.elements.zeta_1_s, model.prototype
+    e, assembly = model.elements, model.assembly
+    return model.kind, assembly.particles, assembly.isotropic, model.cable_order.tolist(), model.dt_s, e.zeta_1_s, model.prototype
 
 
 class Batch:
@@ -174,6 +202,7 @@ class Batch:
         each = [rules_of(model) for model in models]
         self._robots = Robots(
             np.array([model.par for model in models]),
+            self._bodies(),
             np.array([rules.mass for rules in each]),
             np.array([rules.carry_n for rules in each]),
             np.array([rules.down for rules in each]),
@@ -197,8 +226,10 @@ class Batch:
         place = {key: number for number, key in enumerate(keys)}
         starts = np.array([self._starts[key] for key in keys])
         results: list[RollResult | None] = [None] * len(jobs)
-        share = max(WIDTH * 2, min(WIDTH * 16, -(-len(jobs) // self._threads)))
-        parts = [range(at, min(at + share, len(jobs))) for at in range(0, len(jobs), share)]
+        # robots on the same face have the same joints near the ground: neighbours then do the same work
+        order = sorted(range(len(jobs)), key=lambda number: (jobs[number].source, number))
+        share = max(WIDTH * 2, min(WIDTH * 32, -(-len(jobs) // self._threads)))
+        parts = [order[at : at + share] for at in range(0, len(jobs), share)]
         done = 0
         with ThreadPoolExecutor(self._threads) as pool:
             for part, outcome in zip(
@@ -210,6 +241,11 @@ class Batch:
                 report(done, len(jobs))
         return [result for result in results if result is not None]
 
+    def _bodies(self) -> Array:
+        """Every model's body, (m, rows); (0, rows) if all are the same, which lets the lanes share it."""
+        bodies = np.array([model.assembly.body for model in self.models])
+        return bodies[:0] if (bodies == bodies[0]).all() else bodies
+
     def _part(self, jobs: list[Job], place: dict[tuple[int, str], int], starts: Array) -> list[RollResult]:
         count, first = len(jobs), self.models[0]
         table = np.array(
@@ -220,9 +256,9 @@ class Batch:
         ).reshape(count, 4)
         targets = np.array([self.models[job.model].rest_lengths(lengths_of(first.prototype, job.policy)) for job in jobs])
         records, peaks, centers = np.zeros((count, w.RECORD)), np.zeros((count, 6)), np.zeros((count, 3))
-        state, par, work = self._rows()
+        state, par, work, assembly = self._rows()
         _run(
-            state, par, work, aligned_rows(q.TRACK_ROWS), first.topology, self._shared, self._rules, self._robots,
+            state, par, work, aligned_rows(q.TRACK_ROWS), assembly, self._shared, self._rules, self._robots,
             starts, table, self._neutral, targets, records, peaks, centers,
         )  # fmt: skip
         return [
@@ -230,10 +266,14 @@ class Batch:
             for i, job in enumerate(jobs)
         ]
 
-    def _rows(self) -> tuple[Array, Array, Array]:
+    def _rows(self) -> tuple[Array, Array, Array, k.Assembly]:
+        """Rows for eight lanes, and the assembly, with a body for each lane if the models' differ."""
         first = self.models[0]
-        lay = first.layout
-        return aligned_rows(lay.state_rows), aligned_rows(lay.par_rows), aligned_rows(first.topology.particles * k.WORK_ROWS)
+        lay, assembly = first.layout, first.assembly
+        if len(self._robots.body):
+            flat = all(model.assembly.flat for model in self.models)
+            assembly = assembly._replace(body=aligned_rows(lay.body_rows), flat=flat)
+        return aligned_rows(lay.state_rows), aligned_rows(lay.par_rows), aligned_rows(assembly.particles * k.WORK_ROWS), assembly
 
     def _settle_missing(self, keys: set[tuple[int, str]]) -> None:
         """Settle robots that are not yet known on their faces: state and work rows, as `Robot.resting_on` leaves them."""
@@ -245,14 +285,16 @@ class Batch:
 
     def _settle_group(self, group: list[tuple[int, str]]) -> list[Array]:
         robots = [Robot.placed_on(self.models[model], face) for model, face in group]
-        state, par, work = self._rows()
+        state, par, work, assembly = self._rows()
         for lane in range(WIDTH):
             robot = robots[min(lane, len(robots) - 1)]
             state[:, lane], work[:, lane] = robot.rows()
             par[:, lane] = robot.model.par
+            if assembly.body.ndim == 2:
+                assembly.body[:, lane] = robot.model.assembly.body
         first, shared = self.models[0], self._shared
         steps = round(SETTLE_S * first.steps_per_second)
-        _settle(state, par, work, first.topology, shared.dt, SETTLE_ZETA_1_S, shared.reach, steps)
+        _settle(state, par, work, assembly, shared.dt, SETTLE_ZETA_1_S, shared.reach, steps)
         out = []
         for lane, robot in enumerate(robots):
             robot.take_settled(state[:, lane], work[:, lane])

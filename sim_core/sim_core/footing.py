@@ -27,6 +27,8 @@ def _face_table() -> NDArray[np.int8]:
 
 FACE_OF_JOINTS = _face_table()
 """(4096,) bit mask of joints -> face number, −1 if those joints are no face."""
+FACE_JOINTS = np.array(list(FACES.values()), dtype=np.int64)
+"""(20, 3) joints of each face; edge i of a face goes from joint i to joint i + 1."""
 
 
 class Footing(NamedTuple):
@@ -74,6 +76,20 @@ def base(joints, center, ground_force, carry, down, face_of_joints):
     )
     face = face_of_joints[bits] if margin >= 0.0 else -1
     return bits, face, margin
+
+
+@njit(cache=True)
+def past_edges(joints, center, down, corners, most):
+    """Raise `most` (3,): how far the centre of mass, projected along gravity, is outside each edge of the triangle of joints
+    `corners` (negative: inside)."""
+    x = center[0] - down[0] * center[2] / down[2]
+    y = center[1] - down[1] * center[2] / down[2]
+    a, b, c = joints[corners[0]], joints[corners[1]], joints[corners[2]]
+    area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
+    sign = -1.0 if area > 0.0 else 1.0
+    most[0] = max(most[0], sign * _off_line(a[0], a[1], b[0], b[1], x, y))
+    most[1] = max(most[1], sign * _off_line(b[0], b[1], c[0], c[1], x, y))
+    most[2] = max(most[2], sign * _off_line(c[0], c[1], a[0], a[1], x, y))
 
 
 @njit(cache=True)

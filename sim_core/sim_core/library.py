@@ -57,7 +57,7 @@ class Library:
     """Primitives that belong together, with how they were found.
 
     Attributes:
-        name: e.g. "first". model_hash: of the model they were found with. provenance: how they were found.
+        name: e.g. "robust". model_hash: of the model they were found with. provenance: how they were found.
     """
 
     name: str
@@ -104,7 +104,7 @@ def libraries_folder() -> Path:
     return Path(str(files("sim_core") / "data" / "libraries"))
 
 
-def load_library(name_or_path: str | Path = "first") -> Library:
+def load_library(name_or_path: str | Path = "robust") -> Library:
     """Read a shipped library by name, or any by path.
 
     Raises:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_core import kernel as k
 from sim_core.elements import IMPROVED, KINDS, Array, Elements, elements_of, previous_elements_of
@@ -27,14 +28,16 @@ class Model:
     Attributes:
         prototype: the nominal numbers; its judging rules (§ Judging a roll) apply to every perturbed copy.
         elements: the numbers member by member.
-        topology, par: the kernel's tables.
+        assembly, par: the kernel's tables.
+        cable_order: (48,) which of the elements' cables each of the assembly's is.
         reach_m: no contact point is farther than this from its joint.
     """
 
     prototype: Prototype
     elements: Elements
-    topology: k.Topology
+    assembly: k.Assembly
     par: Array
+    cable_order: NDArray[np.intp]
     reach_m: float
 
     @property
@@ -61,7 +64,7 @@ class Model:
 
     @cached_property
     def layout(self) -> k.Layout:
-        return k.Layout(*k.layout.py_func(self.topology.particles, len(self.topology.beams), len(self.topology.cables)))
+        return k.Layout(*k.layout.py_func(self.assembly.particles, len(self.assembly.beams), len(self.assembly.cables)))
 
     def rest_lengths(self, commanded_m: Array) -> Array:
         """What the actuators make of commanded rest lengths, shape (6,): each strut's gain applies to its stroke."""
@@ -87,14 +90,10 @@ def build_model(
     _check(elements)
     if not allow_slack:
         _require_taut(elements)
-    topology = k.Topology(
-        np.ascontiguousarray(np.column_stack([elements.beam_ends, elements.beam_strut]).astype(np.int32)),
-        np.ascontiguousarray(elements.cable_ends),
-        len(elements.mass_kg),
-    )
+    assembly, order = _assembly(elements)
     reach = float(norm(elements.contact_point_m).max()) + 1e-3
-    model = Model(prototype, elements, topology, _rows(elements), reach)
-    limit = largest_stable_step_s(elements, topology, model.par, prototype.actuator_stroke_m)
+    model = Model(prototype, elements, assembly, _par(elements, order), order, reach)
+    limit = largest_stable_step_s(elements, assembly, model.par, prototype.actuator_stroke_m)
     if model.dt_s > STEP_MARGIN * limit:
         raise UnstableStepError(model.dt_s, limit, int(np.ceil(1.0 / (STEP_MARGIN * limit))))
     return model
@@ -149,26 +148,45 @@ def _require_taut(e: Elements) -> None:
         )
 
 
-def _rows(e: Elements) -> Array:
+def _assembly(e: Elements) -> tuple[k.Assembly, NDArray[np.intp]]:
+    """The kernel's assembly, and the order of its cables.
+
+    The kernel goes through the cables particle by particle, and sums what they do to that one: each cable belongs to the end
+    with more cables, so that all the box's ropes are summed at the box.
+    """
+    particles = len(e.mass_kg)
+    count = np.bincount(e.cable_ends.ravel(), minlength=particles)
+    swapped = count[e.cable_ends[:, 1]] > count[e.cable_ends[:, 0]]
+    ends = np.where(swapped[:, None], e.cable_ends[:, ::-1], e.cable_ends)
+    points = np.stack([e.cable_point_1_m, e.cable_point_2_m], axis=1)
+    points = np.where(swapped[:, None, None], points[:, ::-1], points)
+    order = np.argsort(ends[:, 0], kind="stable")
+    starts = np.searchsorted(ends[order, 0], np.arange(particles + 1))
+    beams = np.column_stack([e.beam_ea_n, e.beam_ei_n_m2, e.beam_gj_n_m2, e.beam_share])
+    parts = [1.0 / e.inertia_kg_m2, beams, points[order], e.contact_point_m]
+    body = np.concatenate([np.ravel(part) for part in parts])
+    body.setflags(write=False)
+    assembly = k.Assembly(
+        np.ascontiguousarray(np.column_stack([e.beam_ends, e.beam_strut]).astype(np.int32)),
+        np.ascontiguousarray(ends[order].astype(np.int32)),
+        starts.astype(np.int32),
+        particles,
+        bool((e.inertia_kg_m2 == e.inertia_kg_m2[:, :1]).all()),
+        bool((points[ends < k.JOINTS][:, 0] == 0.0).all() and (ends[:, 1] < k.JOINTS).all()),
+        body,
+    )
+    return assembly, order
+
+
+def _par(e: Elements, order: NDArray[np.intp]) -> Array:
     """The kernel's `par`."""
     particles = np.empty((len(e.mass_kg), k.PARTICLE_PAR))
     particles[:, k.DT_M] = 1.0 / (e.steps_per_second * e.mass_factor * e.mass_kg)
-    particles[:, k.INV_I : k.INV_I + 3] = 1.0 / e.inertia_kg_m2
-    particles[:, k.WEIGHT : k.WEIGHT + 3] = e.mass_kg[:, None] * e.gravity_m_s2
-    beams = np.column_stack([e.beam_ea_n, e.beam_ei_n_m2, e.beam_gj_n_m2, e.beam_share])
-    cables = np.column_stack([e.cable_stiffness_n_m, e.cable_rest_m, e.cable_point_1_m, e.cable_point_2_m])
-    ground = np.array(
-        [
-            e.ground_stiffness_n_m[0],
-            e.ground_damping_n_s_m[0],
-            e.ground_stiffness_n_m[1],
-            e.ground_damping_n_s_m[1],
-            e.friction[0],
-            e.friction[1],
-        ]
-    )
+    particles[:, k.MASS] = e.mass_kg
     speed = e.strut_gain * e.strut_speed_m_s / e.steps_per_second
-    parts = [particles, speed, beams, cables, e.contact_point_m, ground]
+    cables = np.column_stack([e.cable_stiffness_n_m, e.cable_rest_m])[order]
+    springs = np.column_stack([e.ground_stiffness_n_m, e.ground_damping_n_s_m])
+    parts = [particles, e.gravity_m_s2, speed, cables, springs, e.friction]
     par = np.concatenate([np.ravel(part) for part in parts])
     par.setflags(write=False)
     return par

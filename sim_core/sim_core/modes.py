@@ -42,7 +42,7 @@ def resting_modes(robot: Robot) -> Modes:
     e, model = robot.model.elements, robot.model
     frames = robot.frames()
     touching = np.flatnonzero(robot.contact_points_m()[:, 2] < 0.0)
-    total = stiffness(robot.rows()[0], model.par, model.topology)
+    total = stiffness(robot.rows()[0], model.par, model.assembly)
     total += ground_stiffness(e, frames, touching)
     _add_turning_of_arms(total, robot, frames, touching)
     scale = 1.0 / np.sqrt(mass_diagonal(e))

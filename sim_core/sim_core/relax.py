@@ -31,18 +31,18 @@ ENERGY, NET_FORCE, MOVING, TRACK_ROWS = 0, 1, 2, 3
 
 
 @njit(cache=True)
-def relax(state, par, work, track, topology, dt, reach, steps):
+def relax(state, par, work, track, assembly, dt, reach, steps):
     """Take steps of kinetic damping in place; `track` (TRACK_ROWS rows) starts at zero."""
-    particles = topology.particles
+    particles = assembly.particles
     for _ in range(steps):
-        k.forces(state, par, work, topology, dt, reach)
+        k.forces(state, par, work, assembly, dt, reach)
         worst = load(track, NET_FORCE) * 0.0
         for p in range(particles):
             f = p * k.WORK_ROWS + k.F
             fx, fy, fz = load(work, f), load(work, f + 1), load(work, f + 2)
             worst = larger(worst, fx * fx + fy * fy + fz * fz)
         store(track, NET_FORCE, worst)
-        k.integrate(state, par, work, particles, dt, 0.0)
+        k.integrate(state, par, work, assembly, dt, 0.0)
         energy = worst * 0.0
         # a step from rest takes half a kick (central difference started with v = 0): a full one would feed the stiff modes
         kick = select(load(track, MOVING) > 0.5, 1.0, 0.5)

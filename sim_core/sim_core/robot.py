@@ -36,7 +36,7 @@ class Robot:
         self.step = 0
         lay = model.layout
         self._state = np.zeros(lay.state_rows)
-        self._work = np.zeros(model.topology.particles * k.WORK_ROWS)
+        self._work = np.zeros(model.assembly.particles * k.WORK_ROWS)
         e = model.elements
         self._particles[:, k.X : k.X + 3] = e.position_m
         self._particles[:, k.Q : k.Q + 4] = [quaternion_of(frame) for frame in e.frame]
@@ -55,7 +55,7 @@ class Robot:
         robot = cls.placed_on(model, face, yaw_rad)
         m = model
         steps = round(SETTLE_S * m.steps_per_second)
-        k.advance(robot._state, m.par, robot._work, m.topology, m.dt_s, SETTLE_ZETA_1_S, m.reach_m, steps)
+        k.advance(robot._state, m.par, robot._work, m.assembly, m.dt_s, SETTLE_ZETA_1_S, m.reach_m, steps)
         robot.take_settled(*robot.rows(), center_m)
         return robot
 
@@ -125,7 +125,7 @@ class Robot:
             DivergedError: the state is no longer finite.
         """
         m = self.model
-        k.advance(self._state, m.par, self._work, m.topology, m.dt_s, m.elements.zeta_1_s, m.reach_m, steps)
+        k.advance(self._state, m.par, self._work, m.assembly, m.dt_s, m.elements.zeta_1_s, m.reach_m, steps)
         self.step += steps
         self._require_finite()
 
@@ -239,7 +239,7 @@ class Robot:
     def relax(self, track: Array, record: Array, rules: w.Rules, tolerance: float) -> None:
         """One look's worth of relaxation, and the look; see `relax.look`."""
         m = self.model
-        q.relax(self._state, m.par, self._work, track, m.topology, m.dt_s, m.reach_m, q.LOOK_STEPS)
+        q.relax(self._state, m.par, self._work, track, m.assembly, m.dt_s, m.reach_m, q.LOOK_STEPS)
         self.step += q.LOOK_STEPS
         q.look(self._state, self._work, track, record, rules, m.layout.struts, tolerance)
 

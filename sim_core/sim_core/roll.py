@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +16,7 @@ from sim_core.policy import Policy, checked_policy, lengths_of
 from sim_core.relax import RESIDUAL
 from sim_core.robot import Robot
 from sim_core.rotation import down_of
-from sim_core.structure import TENDON_LENGTH, require_adjacent
+from sim_core.structure import FACES, NEIGHBOURS, TENDON_LENGTH, require_adjacent
 from sim_core.watch import SAMPLE_S
 
 
@@ -33,6 +33,8 @@ class RollResult:
         actuated, returned: footing at rest after actuation and after the return (returned: None if not reached).
         peak_force_n: largest strut force along the path. clearance_m: smallest gap between surfaces along the path.
         margin_m: smaller of the two margins of the centre of mass inside the base triangle at rest.
+        past_edge_m: for each adjacent face, how far the centre of mass got past the edge towards it before the robot stood on
+            another face; negative: so far it stayed inside.
         duration_s: simulated time; of a quasi-static roll, the actuators' own. travel_m: (x, y) displacement of the centre of mass.
     """
 
@@ -47,6 +49,7 @@ class RollResult:
     peak_force_n: float
     clearance_m: float
     margin_m: float
+    past_edge_m: Mapping[str, float]
     duration_s: float
     travel_m: tuple[float, float]
 
@@ -133,7 +136,7 @@ def rules_of(model: Model) -> w.Rules:
         math.ceil(p.rest_timeout_s / period - 1e-9),
         p.strut_diameter_m,
         p.box_radius_m,
-        model.topology.particles,
+        model.assembly.particles,
     )
 
 
@@ -197,6 +200,7 @@ def result_of(
         peak,
         clearance,
         min(margins),
+        _past_edges(source, record),
         _actuation_s(model, policy, went_back) if static else float(record[w.SAMPLES]) * samples_of(model, SAMPLE_S) * model.dt_s,
         (float(travel[0]), float(travel[1])),
     )
@@ -205,6 +209,13 @@ def result_of(
 def _actuation_s(model: Model, policy: Policy, went_back: bool) -> float:
     """Time that the actuators need; all there is of time in a quasi-static roll."""
     return (1 + went_back) * 1e-3 * max(map(abs, policy)) / model.prototype.actuator_speed_m_s
+
+
+def _past_edges(source: str, record: Array) -> dict[str, float]:
+    """Per adjacent face: the two share two joints, which are an edge of the source."""
+    corners = FACES[source]
+    edges = {frozenset((corners[i], corners[(i + 1) % 3])): float(record[w.PAST_EDGES + i]) for i in range(3)}
+    return {face: edges[frozenset(corners) & frozenset(FACES[face])] for face in NEIGHBOURS[source]}
 
 
 def _footing(record: Array, place: int) -> Footing:

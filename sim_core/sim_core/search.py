@@ -1,28 +1,53 @@
-"""A seeded random search for primitives: the plain beginning that a genetic generator will replace.
+"""The gait generator: a genetic algorithm around the simulator, for both classes of rolls at once.
 
-Policies are drawn uniformly (whole mm within the bound) for a robot resting on the reference face. Any feasible roll onto *any*
-adjacent face is, relabelled by the symmetry group, a primitive of the reference pair, so none is thrown away. Candidates are
-then tried in all 24 gaits on perturbed training prototypes, and the most reliable are kept.
+Every generation breeds policies for robots resting on the two reference faces and rolls them on the nominal robot, wherever they
+go: a feasible roll onto *any* adjacent face is, relabelled by the symmetry group, a primitive of the reference pair. With training
+prototypes, feasible ones are then tried on these. The best that differ enough are the elites: the parents of the next generation,
+and in the end the library.
+
+Everything a generation does is a function of its number, the seed and the elites, so a search that was stopped goes on as if it
+had not been, on any number of workers. (The operators are few, and the libraries that offer them keep their state in pickles:
+hence our own.)
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from itertools import islice
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim_core.batch import Batch, Job
-from sim_core.library import Library, Primitive, gait_of
-from sim_core.model import Model
-from sim_core.perturbation import LAW, perturb
+from sim_core.batch import Job
+from sim_core.breeding import offspring
+from sim_core.chunks import Chunk, Draw, Runner, Trials, cost_of, run_here
+from sim_core.elements import IMPROVED, KINDS
+from sim_core.elites import Candidate, Elites, distance_mm
+from sim_core.errors import ParameterError
+from sim_core.library import Library, Primitive
+from sim_core.merit import FEASIBLE, dropped_merit, merit_of, quality, trained_merit
+from sim_core.model import build_model
+from sim_core.parameters import Prototype
 from sim_core.policy import Policy, checked_policy
-from sim_core.roll import RollResult
-from sim_core.structure import NEIGHBOURS
-from sim_core.symmetry import CLASSES, RollClass, carrier, rolls_of
+from sim_core.symmetry import CLASSES, RollClass, carrier
+from sim_core.uncertainty import Law
 
-DRAWS_AT_ONCE = 256
+CHUNK_JOBS = 256
+"""About how many rolls make a chunk: independent of the workers."""
+FIRST_LOOK = 4
+"""Training prototypes of each law on which a policy is tried first; it goes on if half of these trials succeed."""
+
+
+class Training(NamedTuple):
+    """Prototypes to train on: the first ones of (law, seed)."""
+
+    law: Law
+    prototypes: int
+    seed: int
+
+    @property
+    def draws(self) -> tuple[Draw, ...]:
+        return tuple(Draw(self.law, self.seed, number) for number in range(self.prototypes))
 
 
 @dataclass(frozen=True)
@@ -30,115 +55,295 @@ class SearchPlan:
     """What to search.
 
     Attributes:
-        seed: same plan and model, same library.
-        candidates: feasible policies to find per class before choosing. keep: primitives to keep per class.
-        training: perturbed prototypes on which candidates are tried. scale: their perturbation.
-        distance_mm: two kept primitives differ by at least this in some strut.
+        name: of the library. kind: model. classes: names of the classes of rolls. keep: primitives to keep per class.
+        seed: same plan and prototype, same library. offspring: per class and generation.
+        generations: at most. polish: generations after a class has enough feasible elites. evaluations: nominal rolls, at most.
+        active: struts that a policy may move. apart_mm: two primitives differ by at least this in some strut.
+        training: prototypes on which feasible policies are tried; none: the nominal robot alone decides.
+        choice: more of them, for the last choice among `spare` × keep elites per class.
     """
 
+    name: str = "mine"
+    kind: str = IMPROVED
+    classes: tuple[str, ...] = tuple(CLASSES)
+    keep: int = 20
     seed: int = 1
-    candidates: int = 24
-    keep: int = 6
-    training: int = 8
-    scale: float = 0.05
-    distance_mm: int = 10
+    offspring: int = 128
+    generations: int = 400
+    polish: int = 6
+    evaluations: int = 200_000
+    active: int = 6
+    apart_mm: int = 15
+    training: tuple[Training, ...] = ()
+    choice: tuple[Training, ...] = ()
+    spare: int = 2
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise ParameterError(f"unknown model {self.kind!r}: valid are {', '.join(KINDS)}")
+        if not 1 <= self.active <= 6:
+            raise ParameterError(f"{self.active} active struts: valid is 1 to 6")
+        unknown = [name for name in self.classes if name not in CLASSES]
+        if unknown or not self.classes:
+            raise ParameterError(f"class {', '.join(unknown) or 'missing'}: valid are {', '.join(CLASSES)}")
+        for name in ("keep", "offspring", "generations", "evaluations", "apart_mm", "spare"):
+            if getattr(self, name) < 1:
+                raise ParameterError(f"{name} {getattr(self, name)}: valid is a whole number of 1 or more")
+
+    @property
+    def words(self) -> dict[str, Any]:
+        """The plan, for a library's provenance."""
+        plain = asdict(self)
+        for key in ("training", "choice"):
+            plain[key] = [{"law": t.law.words, "prototypes": t.prototypes, "seed": t.seed} for t in getattr(self, key)]
+        return plain | {"classes": list(self.classes)}
 
 
-@dataclass(frozen=True)
-class Progress:
-    """Where a search is: class, phase ("find" or "try"), done of total, policies tried."""
+class Progress(NamedTuple):
+    """Where a search is.
 
-    roll_class: str
-    phase: str
-    done: int
-    total: int
-    tried: int
+    Attributes:
+        generation: done so far. rolled: nominal rolls so far. trained: trials on training prototypes so far.
+        found: feasible elites per class. best: best merit per class. wanted: elites that a class wants.
+        finished: share of the work that is surely done, in [0, 1].
+    """
 
-
-def search(model: Model, plan: SearchPlan, report: Callable[[Progress], None] = lambda _: None) -> Library:
-    """Find primitives of both classes with the nominal model, and rank them on perturbed prototypes."""
-    nominal = Batch([model])
-    training = Batch([perturb(model, plan.scale, plan.seed * 1000 + k) for k in range(plan.training)])
-    kept: list[Primitive] = []
-    tried_in_all = {}
-    for roll_class in CLASSES.values():
-        found, tried = _find(nominal, roll_class, plan, report)
-        tried_in_all[roll_class.name] = tried
-
-        def on_trials(done: int, total: int, name: str = roll_class.name, tried: int = tried) -> None:
-            report(Progress(name, "try", done, total, tried))
-
-        ranked = _tried(found, training, roll_class, on_trials)
-        ranked.sort(key=lambda p: (-p.margins["success"], -p.margins["inside_mm"]))
-        kept += ranked[: plan.keep]
-    named = tuple(replace(p, name=f"P{i}") for i, p in enumerate(kept, start=1))
-    provenance = {
-        "how": "seeded uniform random policies, feasible on the nominal model, "
-        "ranked by success over 24 gaits on training prototypes",
-        "plan": {**vars(plan)},
-        "policies_tried": tried_in_all,
-        "perturbation_law": LAW,
-    }
-    return Library("first", model.hash, provenance, named)
+    generation: int
+    rolled: int
+    trained: int
+    found: Mapping[str, int]
+    best: Mapping[str, float]
+    wanted: int
+    finished: float
 
 
-def _draws(limit_mm: int, seed: list[int]) -> Iterator[Policy]:
-    rng = np.random.default_rng(seed)
-    while True:
-        yield checked_policy(rng.integers(-limit_mm, limit_mm + 1, 6).tolist(), limit_mm)
+class Search:
+    """A search that can be looked at, stopped and resumed between generations.
+
+    Attributes:
+        plan, prototype: what it searches.
+    """
+
+    def __init__(self, prototype: Prototype, plan: SearchPlan, runner: Runner = run_here, state: Mapping[str, Any] | None = None):
+        """Args: state: what an earlier one's `state` gave. Raises ParameterError if that belongs to another search."""
+        self.prototype, self.plan, self._run = prototype, plan, runner
+        self._identity = {"plan": _plain(plan.words), "model_hash": build_model(prototype, kind=plan.kind).hash}
+        self._classes = {name: CLASSES[name] for name in plan.classes}
+        most = plan.keep * (plan.spare + 1)
+        self.generation, self.rolled, self.trained = 0, 0, 0
+        self._elites = {name: Elites(plan.apart_mm, most) for name in self._classes}
+        self._enough_since: dict[str, int] = {}
+        if state is not None:
+            if {key: state.get(key) for key in self._identity} != self._identity:
+                raise ParameterError("the search to resume had another plan or model: start a new one, or give the same options")
+            self.generation, self.rolled, self.trained = state["generation"], state["rolled"], state["trained"]
+            self._enough_since = dict(state["enough_since"])
+            for name, rows in state["elites"].items():
+                self._elites[name].add(Candidate(checked_policy(p, 10_000), m, margins) for p, m, margins in rows)
+
+    @property
+    def state(self) -> dict[str, Any]:
+        """Plain data, for JSON, to go on from."""
+        elites = {name: [[list(c.policy), c.merit, dict(c.margins)] for c in e.ranked] for name, e in self._elites.items()}
+        return self._identity | {
+            "generation": self.generation,
+            "rolled": self.rolled,
+            "trained": self.trained,
+            "enough_since": self._enough_since,
+            "elites": elites,
+        }
+
+    @property
+    def open_classes(self) -> tuple[str, ...]:
+        """Classes that are still searched: too few feasible elites, or not yet polished."""
+        return tuple(
+            name
+            for name in self._classes
+            if name not in self._enough_since or self.generation < self._enough_since[name] + self.plan.polish
+        )
+
+    @property
+    def done(self) -> bool:
+        """Nothing left to search."""
+        p = self.plan
+        return not self.open_classes or self.generation >= p.generations or self.rolled >= p.evaluations
+
+    @property
+    def progress(self) -> Progress:
+        found = {name: min(elites.count(FEASIBLE), self.plan.keep) for name, elites in self._elites.items()}
+        best = {name: max((c.merit for c in elites.ranked[:1]), default=0.0) for name, elites in self._elites.items()}
+        polished = [
+            (self.generation - self._enough_since[name]) / max(1, self.plan.polish) if name in self._enough_since else 0.0
+            for name in self._classes
+        ]
+        share = sum(0.5 * found[n] / self.plan.keep + 0.5 * min(p, 1.0) for n, p in zip(found, polished, strict=True)) / len(found)
+        return Progress(self.generation, self.rolled, self.trained, found, best, self.plan.keep, 1.0 if self.done else share)
+
+    def step(self) -> None:
+        """One generation of every open class."""
+        names = self.open_classes
+        bred = [(self._classes[name], policy) for name in names for policy in self._bred(name)]
+        trials = self._rolled([(Job(0, rolls.source, policy), None) for rolls, policy in bred])
+        self.rolled += len(bred)
+        candidates: dict[str, list[Candidate]] = {name: [] for name in names}
+        feasible = []
+        for row, (rolls, policy) in enumerate(bred):
+            own = _for_reference(policy, rolls.source, trials.toward[row])
+            candidate = Candidate(own, merit_of(self.prototype, own, trials, row), _margins(trials, row))
+            if trials.feasible[row] and self.plan.training:
+                feasible.append((rolls, candidate, quality(self.prototype, own, trials, row)))
+            else:
+                candidates[rolls.name].append(candidate)
+        for rolls, candidate in self._trained(feasible):
+            candidates[rolls.name].append(candidate)
+        self.generation += 1
+        for name in names:
+            self._elites[name].add(candidates[name])
+            if name not in self._enough_since and self._elites[name].count(FEASIBLE) >= self.plan.keep:
+                self._enough_since[name] = self.generation
+
+    def library(self) -> Library:
+        """The best feasible elites, `keep` of each class; chosen by more trials if the plan says so."""
+        primitives: list[Primitive] = []
+        for name, rolls in self._classes.items():
+            ranked = [c for c in self._elites[name].ranked if c.merit >= FEASIBLE]
+            if self.plan.choice:
+                ranked = self._chosen(rolls, ranked[: self.plan.keep * self.plan.spare])
+            primitives += [Primitive("", rolls, c.policy, c.margins) for c in ranked[: self.plan.keep]]
+        named = tuple(replace(p, name=f"P{number}") for number, p in enumerate(primitives, start=1))
+        provenance = {
+            "how": "genetic search over whole-mm policies; feasible on the nominal model"
+            + (", ranked by success on training prototypes" if self.plan.training else ", ranked by margins, gentleness and time"),
+            "plan": self.plan.words,
+            "generations": self.generation,
+            "nominal_rolls": self.rolled,
+            "training_trials": self.trained,
+        }
+        return Library(self.plan.name, self._identity["model_hash"], provenance, named)
+
+    def _bred(self, name: str) -> list[Policy]:
+        rng = np.random.default_rng([self.plan.seed, list(CLASSES).index(name), self.generation])
+        elites, limit = self._elites[name].ranked, self.prototype.policy_limit_mm
+        found: dict[Policy, None] = {}
+        while len(found) < self.plan.offspring:
+            found[offspring(rng, elites, limit, self.plan.active)] = None
+        return list(found)
+
+    def _rolled(self, work: Sequence[tuple[Job, Draw | None]]) -> Trials:
+        """Trials of jobs, each on its own robot, in the work's order; jobs' model numbers are set here."""
+        draws = tuple(dict.fromkeys(draw for _, draw in work))
+        number = {draw: i for i, draw in enumerate(draws)}
+        chunks = []
+        for at in range(0, len(work), CHUNK_JOBS):
+            jobs = tuple(job._replace(model=number[draw]) for job, draw in work[at : at + CHUNK_JOBS])
+            chunks.append(Chunk(self.prototype, draws, jobs, self.plan.kind))
+        return joined(self._run(chunks))
+
+    def _trained(self, feasible: Sequence[tuple[RollClass, Candidate, float]]) -> list[tuple[RollClass, Candidate]]:
+        """Feasible candidates with the merit of their success rate: a first look at all that could become elites, the rest for
+        those that still could and won half of it."""
+        feasible = [item for item in feasible if self._could_enter(item[0], item[1].policy, trained_merit(1.0, item[2]))]
+        if not feasible:
+            return []
+        first = tuple(draw for t in self.plan.training for draw in t.draws[:FIRST_LOOK])
+        rest = tuple(draw for t in self.plan.training for draw in t.draws[FIRST_LOOK:])
+        wins = self._wins([(rolls, c.policy) for rolls, c, _ in feasible], first)
+        best = [(won + len(rest)) / (len(first) + len(rest)) for won in wins]
+        worth = [
+            i
+            for i, (rolls, candidate, own_quality) in enumerate(feasible)
+            if 2 * wins[i] >= len(first) and self._could_enter(rolls, candidate.policy, trained_merit(best[i], own_quality))
+        ]
+        more = dict(zip(worth, self._wins([(feasible[i][0], feasible[i][1].policy) for i in worth], rest), strict=True))
+        found = []
+        for i, (rolls, candidate, own_quality) in enumerate(feasible):
+            if i in more:
+                trials = len(first) + len(rest)
+                rate = (wins[i] + more[i]) / trials
+                merit = trained_merit(rate, own_quality)
+            else:
+                trials, rate = len(first), wins[i] / len(first)
+                merit = dropped_merit(rate)
+            found.append((rolls, candidate._replace(merit=merit, margins=_tried(candidate.margins, rate, trials))))
+        return found
+
+    def _could_enter(self, rolls: RollClass, policy: Policy, merit: float) -> bool:
+        """No elite near this policy has more than this merit."""
+        near = (c for c in self._elites[rolls.name].ranked if distance_mm(c.policy, policy) < self.plan.apart_mm)
+        return all(c.merit < merit for c in near)
+
+    def _wins(self, policies: Sequence[tuple[RollClass, Policy]], draws: Sequence[Draw]) -> list[int]:
+        """Successes of each policy's reference gait on the drawn prototypes. Under a symmetric law these stand for all 24 gaits."""
+        if not policies or not draws:
+            return [0] * len(policies)
+        work: list[tuple[Job, Draw | None]] = [
+            (Job(0, rolls.source, policy, rolls.target), draw) for rolls, policy in policies for draw in draws
+        ]
+        self.trained += len(work)
+        return [int(won) for won in self._rolled(work).feasible.reshape(len(policies), len(draws)).sum(axis=1)]
+
+    def _chosen(self, rolls: RollClass, ranked: Sequence[Candidate]) -> list[Candidate]:
+        """Candidates ranked by their success on the prototypes of the last choice."""
+        draws = tuple(draw for t in self.plan.choice for draw in t.draws)
+        wins = self._wins([(rolls, c.policy) for c in ranked], draws)
+        tried = [c._replace(margins=_tried(c.margins, won / len(draws), len(draws))) for c, won in zip(ranked, wins, strict=True)]
+        return sorted(tried, key=lambda c: (-c.margins["success"], -c.merit, c.policy))
 
 
-def _find(
-    nominal: Batch, roll_class: RollClass, plan: SearchPlan, report: Callable[[Progress], None]
-) -> tuple[list[Primitive], int]:
-    """Feasible policies of the reference pair, far enough from each other, in the order drawn; and how many were drawn."""
-    draws = _draws(nominal.models[0].prototype.policy_limit_mm, [plan.seed, list(CLASSES).index(roll_class.name)])
-    found: list[Primitive] = []
-    tried = 0
-    while True:
-        drawn = list(islice(draws, DRAWS_AT_ONCE))
-        for result in nominal.run([Job(0, roll_class.source, policy) for policy in drawn]):
-            tried += 1
-            if result.feasible and result.target in NEIGHBOURS[roll_class.source]:
-                policy = _for_reference(result.policy, roll_class.source, result.target)
-                if all(_distance(policy, other.policy) >= plan.distance_mm for other in found):
-                    found.append(Primitive(f"P{len(found) + 1}", roll_class, policy, _margins(result)))
-                    if len(found) == plan.candidates:
-                        report(Progress(roll_class.name, "find", len(found), plan.candidates, tried))
-                        return found, tried
-        report(Progress(roll_class.name, "find", len(found), plan.candidates, tried))
+def search(
+    prototype: Prototype,
+    plan: SearchPlan,
+    runner: Runner = run_here,
+    report: Callable[[Search], None] = lambda _: None,
+    state: Mapping[str, Any] | None = None,
+) -> Library:
+    """Search from the beginning, or from a state, to the end.
+
+    Args:
+        report: called with the search after every generation, e.g. to keep its `state`.
+
+    Raises:
+        ParameterError: a state of another search.
+    """
+    running = Search(prototype, plan, runner, state)
+    while not running.done:
+        running.step()
+        report(running)
+    return running.library()
 
 
-def _margins(result: RollResult) -> dict[str, float]:
+def joined(parts: Sequence[Trials]) -> Trials:
+    """The trials of several chunks as one."""
+    columns: dict[str, Any] = {}
+    for field in Trials._fields[:-1]:
+        values = [getattr(part, field) for part in parts]
+        columns[field] = np.concatenate(values) if isinstance(values[0], np.ndarray) else tuple(v for row in values for v in row)
+    return Trials(**columns, cost=cost_of(parts))
+
+
+def _margins(trials: Trials, row: int) -> dict[str, float]:
     return {
-        "inside_mm": round(1e3 * result.margin_m, 2),
-        "clearance_mm": round(1e3 * result.clearance_m, 2),
-        "peak_force_n": round(result.peak_force_n, 1),
-        "duration_s": round(result.duration_s, 2),
+        "inside_mm": round(1e3 * float(trials.margin_m[row]), 2),
+        "clearance_mm": round(1e3 * float(trials.clearance_m[row]), 2),
+        "peak_force_n": round(float(trials.peak_force_n[row]), 1),
+        "duration_s": round(float(trials.duration_s[row]), 2),
     }
+
+
+def _tried(margins: Mapping[str, float], rate: float, trials: int) -> dict[str, float]:
+    return {"success": round(rate, 4), "trials": trials} | {k: v for k, v in margins.items() if k not in ("success", "trials")}
 
 
 def _for_reference(policy: Policy, source: str, target: str) -> Policy:
     """The policy of the reference pair whose relabelling to (source, target) is `policy`."""
     struts = carrier(source, target).struts
-    back = [policy[struts[s]] for s in range(6)]
-    return checked_policy(back, max(map(abs, back)) or 1)
+    return checked_policy([policy[struts[s]] for s in range(6)], 10_000)
 
 
-def _distance(a: Policy, b: Policy) -> int:
-    return max(abs(x - y) for x, y in zip(a, b, strict=True))
-
-
-def _tried(found: list[Primitive], training: Batch, roll_class: RollClass, report: Callable[[int, int], None]) -> list[Primitive]:
-    """The primitives with their success rate over 24 gaits on every training prototype as a margin."""
-    trials = [
-        Job(model, source, gait_of(primitive, source, target).policy, target)
-        for primitive in found
-        for model in range(len(training.models))
-        for source, target in rolls_of(roll_class)
-    ]
-    wins = np.array([result.feasible for result in training.run(trials, report)]).reshape(len(found), -1)
-    return [
-        replace(primitive, margins={"success": round(float(row.mean()), 4), "trials": len(row), **primitive.margins})
-        for primitive, row in zip(found, wins, strict=True)
-    ]
+def _plain(value: Any) -> Any:
+    """As it comes back from JSON."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_plain(item) for item in value]
+    return value

@@ -14,13 +14,13 @@ NO_GROUND = -1e9
 """As the kernel's `reach`: no joint is low enough to touch."""
 
 
-def stiffness(state: Array, par: Array, topology: k.Topology) -> Array:
+def stiffness(state: Array, par: Array, assembly: k.Assembly) -> Array:
     """Stiffness matrix of the elements (ground and gravity left out) about a state, by central differences of the kernel.
 
     Returns:
         (6P, 6P): rows are −force and −moment, columns displacement and spatial rotation, particle by particle.
     """
-    particles = topology.particles
+    particles = assembly.particles
     step, columns = 1e-7, []
     work = np.zeros(particles * k.WORK_ROWS)
     for p in range(particles):
@@ -36,7 +36,7 @@ def stiffness(state: Array, par: Array, topology: k.Topology) -> Array:
                     spin[axis - 3] = 1.0
                     q = moved[x + k.Q : x + k.Q + 4]
                     q[:] = k.turned(q[0], q[1], q[2], q[3], spin[0], spin[1], spin[2], 0.5 * sign * step)
-                k.forces(moved, par, work, topology, 1.0, NO_GROUND)
+                k.forces(moved, par, work, assembly, 1.0, NO_GROUND)
                 table = work.reshape(particles, k.WORK_ROWS)
                 sides.append(np.concatenate([table[:, k.F : k.F + 3], table[:, k.M : k.M + 3]], axis=1).ravel())
             columns.append((sides[1] - sides[0]) / (2.0 * step))
@@ -70,9 +70,9 @@ def mass_diagonal(e: Elements) -> Array:
     return np.concatenate([np.repeat(mass[:, None], 3, axis=1), smallest], axis=1).ravel()
 
 
-def largest_stable_step_s(e: Elements, topology: k.Topology, par: Array, stroke_m: float) -> float:
+def largest_stable_step_s(e: Elements, assembly: k.Assembly, par: Array, stroke_m: float) -> float:
     """2 / ω_max with every strut at its shortest and every contact closed (central difference's limit)."""
-    particles, lay = topology.particles, k.layout(topology.particles, len(topology.beams), len(topology.cables))
+    particles, lay = assembly.particles, k.layout(assembly.particles, len(assembly.beams), len(assembly.cables))
     shortest = e.strut_mid_m - e.strut_gain * stroke_m
     state = np.zeros(lay.state_rows)
     table = state[: particles * k.PARTICLE_ROWS].reshape(particles, k.PARTICLE_ROWS)
@@ -84,7 +84,7 @@ def largest_stable_step_s(e: Elements, topology: k.Topology, par: Array, stroke_
         chain = np.unique(e.beam_ends[e.beam_strut == strut])
         middle = e.position_m[chain].mean(axis=0)
         table[chain, k.X : k.X + 3] = middle + (e.position_m[chain] - middle) * shortest[strut] / e.strut_mid_m[strut]
-    total: Array = stiffness(state, par, topology)
+    total: Array = stiffness(state, par, assembly)
     total += ground_stiffness(e, e.frame, range(k.CONTACTS))
     scale = 1.0 / np.sqrt(mass_diagonal(e))
     omega_squared = np.linalg.eigvalsh(0.5 * scale[:, None] * (total + total.T) * scale[None, :])[-1]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from sim_core import kernel as k
 from sim_core.elements import Array
-from sim_core.footing import FACE_OF_JOINTS, STRUT_ENDS, base, clearance
+from sim_core.footing import FACE_JOINTS, FACE_OF_JOINTS, STRUT_ENDS, base, clearance, past_edges
 
 SAMPLE_S = 0.01
 """Footing, clearance and rest are looked at this often. Strut forces are watched at every step."""
@@ -28,7 +28,9 @@ NEUTRAL, START, FACES_SEEN, FACE_LIST = 13, 19, 22, 23
 MOST_FACES = 24
 # Largest strut force at the rests of a quasi-static roll.
 REST_FORCE = FACE_LIST + MOST_FACES
-RECORD = REST_FORCE + 1
+# How far the centre of mass got past each edge of the first face, before it stood on another.
+PAST_EDGES = REST_FORCE + 1
+RECORD = PAST_EDGES + 3
 
 # Phases.
 ACTUATING, RETURNING, DONE, TIMED_OUT_ACTUATING, TIMED_OUT_RETURNING, DIVERGED = 0, 1, 2, 3, 4, 5
@@ -48,6 +50,7 @@ class Rules(NamedTuple):
     box_radius_m: float
     particles: int
     face_of_joints: NDArray[np.int8] = FACE_OF_JOINTS
+    face_joints: NDArray[np.int64] = FACE_JOINTS
     strut_ends: NDArray[np.int32] = STRUT_ENDS
 
 
@@ -72,6 +75,7 @@ def begin(state, work, record, rules, struts, source, aim, neutral):
     record[AIM] = aim
     record[SOURCE] = source
     record[CLEARANCE] = np.inf
+    record[PAST_EDGES : PAST_EDGES + 3] = -np.inf
     record[ACTUATED + 1] = record[RETURNED + 1] = -1
     record[ACTUATED + 2] = record[RETURNED + 2] = np.nan
     for s in range(6):
@@ -79,7 +83,8 @@ def begin(state, work, record, rules, struts, source, aim, neutral):
         state[struts + s * k.STRUT_ROWS + k.PEAK] = 0.0
     center = np.empty(3)
     center_of_mass(state, rules.mass, center)
-    record[START : START + 3] = center
+    for axis in range(3):  # not a slice: its check of shapes takes seconds to compile
+        record[START + axis] = center[axis]
     see(state, work, record, rules)
 
 
@@ -98,6 +103,9 @@ def see(state, work, record, rules):
     center_of_mass(state, rules.mass, center)
     bits, face, margin = base(joints, center, forces, rules.carry_n, rules.down, rules.face_of_joints)
     seen = int(record[FACES_SEEN])
+    if seen <= 1:
+        corners = rules.face_joints[int(record[SOURCE])]
+        past_edges(joints, center, rules.down, corners, record[PAST_EDGES : PAST_EDGES + 3])
     if face >= 0 and seen < MOST_FACES and (seen == 0 or record[FACE_LIST + seen - 1] != face):
         record[FACE_LIST + seen] = face
         record[FACES_SEEN] = seen + 1

@@ -36,7 +36,7 @@ def test_a_crowd_steps_the_same_robots_as_one_alone(prototype):
         task = moments[number % 3].task
         robot = Robot.resting_on(engine.model, task.source)
         robot.set_targets(lengths_of(prototype, task.policy))
-        robot.advance(150 + 60)
+        robot.advance(round(0.07 / engine.step_s))
         assert crowd._state[number // 8, :, number % 8].tobytes() == robot.rows()[0].tobytes()
 
 

@@ -45,7 +45,7 @@ def test_what_is_counted_is_what_is_compiled(model, robot, where):
     m, (state, work) = model, robot.rows()
     count_step(m, state, work)
     own_state, own_work = robot.rows()
-    kernel.advance(own_state, m.par, own_work, m.topology, m.dt_s, m.elements.zeta_1_s, m.reach_m, 1)
+    kernel.advance(own_state, m.par, own_work, m.assembly, m.dt_s, m.elements.zeta_1_s, m.reach_m, 1)
     assert state.tobytes() == own_state.tobytes()
     assert work.tobytes() == own_work.tobytes()
 

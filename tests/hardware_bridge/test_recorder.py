@@ -195,8 +195,10 @@ def test_a_full_queue_is_a_latched_and_counted_fault(tmp_path: Path, monkeypatch
             log.write("x", STRING, string("late"), 9)
     assert log.messages_lost == 3
     assert len(faults) == 1
+    assert (log.waiting, log.most_waiting) == (5, 5)
     release.set()
     assert log.close().messages == 5
+    assert (log.waiting, log.most_waiting) == (0, 5)
 
 
 def test_a_failing_disk_is_a_fault_and_what_was_acknowledged_is_kept(tmp_path: Path) -> None:

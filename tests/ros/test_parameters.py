@@ -31,5 +31,5 @@ def test_a_parameter_file_holds_every_parameter_with_its_default(node):
 def test_a_node_starts_with_its_parameter_file(node, processes):
     words = ("--ros-args", "--params-file", str(CONFIG / f"{node}.yaml"))
     process = processes.start(node, *words)
-    process.says({"twin": "stands on TC6", "gait_planner": "library first", "hardware_bridge": "virtual_prototype"}[node])
+    process.says({"twin": "stands on TC6", "gait_planner": "library robust", "hardware_bridge": "virtual_prototype"}[node])
     assert processes.stop() == {node: 0}

@@ -33,7 +33,7 @@ def test_all_start_with_no_argument_and_the_bridge_waits_for_a_prototype(process
     bridge, twin, planner = (processes.start(name) for name in ("hardware_bridge", "twin", "gait_planner"))
     bridge.says("start one with `ros2 run tensegrity_robot virtual_prototype`")
     twin.says("stands on TC6")
-    planner.says("library first")
+    planner.says("library robust")
     wait_until(lambda: operator.bridge is not None, 20.0, "the bridge's state")
     assert operator.bridge.state == BridgeState.DISARMED
     assert not operator.bridge.link_ok

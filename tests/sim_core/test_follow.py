@@ -28,7 +28,7 @@ def followed(model, events, face="TC6"):
 
 @pytest.fixture(scope="module")
 def policy():
-    return load_library("first").gaits("TC6", "TO5")[0].policy
+    return load_library("robust").gaits("TC6", "TO5")[0].policy
 
 
 def test_the_same_stream_gives_the_same_bits(model, policy):

@@ -23,8 +23,8 @@ def raised(model, height_m=1.0):
 def element_forces(robot):
     """(P, 6) force and moment of the elements alone in the robot's present state."""
     m = robot.model
-    work = np.zeros(m.topology.particles * k.WORK_ROWS)
-    k.forces(robot._state.copy(), m.par, work, m.topology, m.dt_s, NO_GROUND)
+    work = np.zeros(m.assembly.particles * k.WORK_ROWS)
+    k.forces(robot._state.copy(), m.par, work, m.assembly, m.dt_s, NO_GROUND)
     return work.reshape(-1, k.WORK_ROWS)[:, k.F : k.M + 3]
 
 
@@ -208,5 +208,5 @@ def test_stiffness_of_the_unloaded_body_is_symmetric_with_six_rigid_motions(prot
     elements = elements_of(replace(prototype, gravity_m_s2=0.0))
     model = build_model(prototype, replace(elements, cable_rest_m=elements.cable_rest_m * 1.2), allow_slack=True)
     robot = raised(model)
-    matrix = stiffness(robot._state, model.par, model.topology)
+    matrix = stiffness(robot._state, model.par, model.assembly)
     assert np.allclose(matrix, matrix.T, atol=1e-3 * np.abs(matrix).max())

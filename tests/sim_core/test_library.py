@@ -11,7 +11,7 @@ from sim_core.symmetry import CLASSES, TC_TO, TO_TC, rolls_of
 
 @pytest.fixture(scope="module")
 def first():
-    return load_library("first")
+    return load_library("robust")
 
 
 def test_the_shipped_library_belongs_to_the_shipped_model_and_has_three_of_each_class(first, model):

@@ -13,7 +13,7 @@ from sim_core.policy import lengths_of
 from sim_core.robot import Robot
 model = build_model(load_prototype())
 robot = Robot.resting_on(perturb(model, 0.1, 3), "TO5")
-robot.set_targets(lengths_of(model.prototype, load_library("first").gaits("TO5", "TC6")[0].policy))
+robot.set_targets(lengths_of(model.prototype, load_library("robust").gaits("TO5", "TC6")[0].policy))
 robot.advance(2000)
 print(model.hash, robot.digest())
 """

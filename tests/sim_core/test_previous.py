@@ -55,9 +55,9 @@ def test_at_the_end_of_a_relaxation_every_joint_is_in_equilibrium(previous):
     robot = Robot.resting_on(previous, "TO5")
     result = follow_policy(robot, "TO5", None, (5, -8, 0, 3, -2, 7))
     assert result.reason == "after actuation it stood on TO5"
-    work = np.zeros(previous.topology.particles * k.WORK_ROWS)
+    work = np.zeros(previous.assembly.particles * k.WORK_ROWS)
     state, _ = robot.rows()
-    k.forces(state, previous.par, work, previous.topology, previous.dt_s, previous.reach_m)
+    k.forces(state, previous.par, work, previous.assembly, previous.dt_s, previous.reach_m)
     net = np.linalg.norm(work.reshape(-1, k.WORK_ROWS)[:, k.F : k.F + 3], axis=1)
     p = previous.prototype
     tendon = p.tendon_stiffness_n_m * 0.6124 * p.strut_length_m * (1 - 1 / p.tendon_stretch)

@@ -37,7 +37,7 @@ def test_a_list_of_gaits_runs_on_both_models(tmp_path, model):
 
 
 def test_a_library_is_a_list_of_gaits_too():
-    path = libraries_folder() / "first.yaml"
+    path = libraries_folder() / "robust.yaml"
     assert len(load_gaits(path, 45, every_gait=True)) == 24 * len(load_gaits(path, 45))
 
 

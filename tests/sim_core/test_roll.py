@@ -7,7 +7,7 @@ from sim_core.library import load_library
 from sim_core.model import build_model
 from sim_core.roll import Sample, roll
 
-GOOD = load_library("first").gaits("TC6", "TO5")[0].policy
+GOOD = load_library("robust").gaits("TC6", "TO5")[0].policy
 
 
 def test_a_feasible_roll_lands_and_stays_on_its_target(model):

@@ -56,6 +56,11 @@ def test_a_roll_that_does_not_work_exits_4_and_says_why():
         (("roll", "--library", "nowhere"), 1, "shipped are: first"),
         (("roll", "--perturbation", "0.9"), 1, "perturbation scale 0.9"),
         (("parameters", "--prototype", "/nowhere.yaml"), 1, "/nowhere.yaml: No such file"),
+        (("robustness", "nowhere"), 1, "shipped are: first"),
+        (("robustness", "robust", "--seed", "1"), 1, "seed 1 is a training seed of library 'robust'"),
+        (("robustness", "robust", "--groups", "mas"), 1, "unknown uncertainty 'mas': valid are judged, all, stiffness"),
+        (("robustness", "robust", "--groups", "all", "--one-gait"), 1, "leave out slope"),
+        (("robustness", "robust", "--scheduler", "nonsense"), 1, "no Dask scheduler answers at 'nonsense'"),
         (("replay", "/nowhere.mcap"), 1, "cannot read bag /nowhere.mcap"),
         (("replay", __file__), 1, "is not a complete MCAP file"),
         (("demo", "--from-face", "TX"), 1, "unknown face 'TX'"),
@@ -71,6 +76,21 @@ def test_bad_input_is_one_line_that_says_what_is_valid(words, code, message):
     assert "Traceback" not in result.stderr
     if code == 1:
         assert len(result.stderr.strip().splitlines()) == 1
+
+
+def test_a_robustness_study_writes_json_tables_and_picture(tmp_path):
+    one = tmp_path / "one.yaml"
+    one.write_text("schema: 1\nprimitives:\n- {name: A, class: TO5-TC6, policy_mm: [36, 7, -30, -23, -34, 14]}\n")
+    more = ("--picture", str(tmp_path / "p.png"), "--csv", str(tmp_path / "csv"))
+    result = sixstrut(
+        "robustness", str(one), "--prototypes", "1", "--scale", "0.2", "--failures", "1", "--json", *more, limit_s=110
+    )
+    assert result.returncode == 0, result.stderr
+    document = json.loads(result.stdout)
+    assert document["overall"]["trials"] == 24
+    assert [row["name"] for row in document["primitives"]] == ["A"]
+    assert (tmp_path / "p.png").exists()
+    assert len((tmp_path / "csv" / "trials.csv").read_text().splitlines()) == 25
 
 
 def test_help_of_every_command_shows_an_example():

@@ -75,24 +75,27 @@ def block_sliding_to_rest(setting: Setting) -> Case:
 
 @lru_cache(maxsize=2)
 def _slopes(prototype: Prototype) -> tuple[Array, Array, Array]:
-    """Twelve blocks tilted slowly; times, ways down the slope (samples, 12) from then on, the blocks' final speeds."""
+    """Twelve slopes, tilted slowly; times, ways of a block down each slope (samples, 12) from then on, final speeds."""
+    runs = [_tilted(prototype, angle) for angle in np.arctan(SHARES * prototype.friction_static)]
+    every = round(0.1 / runs[0].dt_s)
+    states = np.stack([run.record(round(WATCH_S / (every * run.dt_s)) + 1, every)[:, 0] for run in runs], axis=1)
+    ways = states[:, :, k.X] - states[0, :, k.X]
+    return every * runs[0].dt_s * np.arange(len(ways), dtype=float), ways, states[-1, :, k.V]
+
+
+def _tilted(prototype: Prototype, angle: float) -> Run:
+    """Blocks on level ground that is tilted slowly to an angle, and then left to settle."""
     elements = _blocks(prototype, 0.0)
     run = Run(build_model(replace(prototype, strut_elements=1), elements, allow_slack=True), ground=True)
-    weight = elements.mass_kg[:12] * prototype.gravity_m_s2
-    run.x[:12, 2] = _settled(elements, weight, 0.0)
-    angle = np.arctan(SHARES * prototype.friction_static)
+    run.x[:12, 2] = _settled(elements, elements.mass_kg[:12] * prototype.gravity_m_s2, 0.0)
     chunk = 10
     ramp = round(TILT_S / run.dt_s / chunk)
     for n in range(ramp):
         now = angle * (n + 1) / ramp
-        run.particles_par[:12, k.WEIGHT] = weight * np.sin(now)
-        run.particles_par[:12, k.WEIGHT + 2] = -weight * np.cos(now)
+        run.gravity[:] = prototype.gravity_m_s2 * np.array([np.sin(now), 0.0, -np.cos(now)])
         run.advance(chunk)
     run.advance(round(SETTLE_S / run.dt_s))
-    start, every = run.x[:12, 0].copy(), round(0.1 / run.dt_s)
-    states = run.record(round(WATCH_S / (every * run.dt_s)) + 1, every)
-    ways = states[:, :12, k.X] - start
-    return every * run.dt_s * np.arange(len(ways), dtype=float), ways, states[-1, :12, k.V]
+    return run
 
 
 def slope_below_friction_angle(setting: Setting) -> Case:

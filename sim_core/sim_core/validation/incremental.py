@@ -81,8 +81,8 @@ def total_against_incremental(setting: Setting) -> Case:
     m, lay = total.model, total.model.layout
     twin = Run(m)
     twin.state[:] = total.state
-    bare = m.topology._replace(beams=np.zeros((0, 3), dtype=np.int32))
-    par = np.delete(total.par, np.s_[lay.par_beams : lay.par_cables])
+    body = np.delete(m.assembly.body, np.s_[lay.body_beams : lay.body_cables])
+    bare = m.assembly._replace(beams=np.zeros((0, 3), dtype=np.int32), body=body)
     pushes = twin.work.reshape(-1, k.WORK_ROWS)[:, k.F : k.M + 3]
     length = setting.prototype.strut_length_m
     start, chunk = total.x.copy(), round(SECONDS / SAMPLES / m.dt_s)
@@ -92,9 +92,9 @@ def total_against_incremental(setting: Setting) -> Case:
     for _ in range(SAMPLES):
         total.advance(chunk)
         for _ in range(chunk):
-            k.forces(twin.state, par, twin.work, bare, m.dt_s, twin.reach_m)
+            k.forces(twin.state, twin.par, twin.work, bare, m.dt_s, twin.reach_m)
             pushes += beams.loads(twin)
-            k.integrate(twin.state, par, twin.work, bare.particles, m.dt_s, 0.0)
+            k.integrate(twin.state, twin.par, twin.work, bare, m.dt_s, 0.0)
         times.append(total.step * m.dt_s)
         apart.append(float(np.linalg.norm(total.x - twin.x, axis=1).max()) / length)
     way = float(np.linalg.norm(total.x - start, axis=1).max()) / length

@@ -19,23 +19,23 @@ from sim_core.stability import NO_GROUND
 
 
 @njit(cache=True)
-def _advance_loaded(state, par, work, topology, dt, zeta, reach, load, ramp, step, steps):
+def _advance_loaded(state, par, work, assembly, dt, zeta, reach, load, ramp, step, steps):
     """The kernel's step with forces and moments `load` (P, 6) from outside, grown linearly over the first `ramp` steps."""
     for n in range(step, step + steps):
-        k.forces(state, par, work, topology, dt, reach)
+        k.forces(state, par, work, assembly, dt, reach)
         share = min(1.0, n / ramp) if ramp > 0 else 1.0
-        for p in range(topology.particles):
+        for p in range(assembly.particles):
             for i in range(6):
                 work[p * k.WORK_ROWS + k.F + i] += share * load[p, i]
-        k.integrate(state, par, work, topology.particles, dt, zeta)
+        k.integrate(state, par, work, assembly, dt, zeta)
 
 
 @njit(cache=True)
-def _record(state, par, work, topology, dt, zeta, reach, every, states):
+def _record(state, par, work, assembly, dt, zeta, reach, every, states):
     """Fill `states` (n, rows): the first is the state now, then one each `every` steps."""
     for n in range(states.shape[0]):
         if n > 0:
-            k.advance(state, par, work, topology, dt, zeta, reach, every)
+            k.advance(state, par, work, assembly, dt, zeta, reach, every)
         states[n] = state
 
 
@@ -74,8 +74,14 @@ class Run:
 
     @property
     def particles_par(self) -> Array:
-        """(P, PARTICLE_PAR) view of the particles' rows."""
-        return self.par[: self.model.layout.par_struts].reshape(-1, k.PARTICLE_PAR)
+        """(P, PARTICLE_PAR) view of the particles' rows of `par`."""
+        return self.par[: self.model.layout.par_gravity].reshape(-1, k.PARTICLE_PAR)
+
+    @property
+    def gravity(self) -> Array:
+        """(3,) view of the gravity in `par`, m/s²."""
+        at = self.model.layout.par_gravity
+        return self.par[at : at + 3]
 
     @property
     def struts(self) -> Array:
@@ -90,7 +96,7 @@ class Run:
     def pushes(self) -> Array:
         """Force and moment on each particle now, (P, 6); friction's memory is left alone."""
         work = self.work.copy()
-        k.forces(self.state.copy(), self.par, work, self.model.topology, self.dt_s, self.reach_m)
+        k.forces(self.state.copy(), self.par, work, self.model.assembly, self.dt_s, self.reach_m)
         return work.reshape(-1, k.WORK_ROWS)[:, k.F : k.M + 3]
 
     def begin(self) -> None:
@@ -102,14 +108,14 @@ class Run:
     def advance(self, steps: int) -> None:
         """Take steps without outside loads."""
         m = self.model
-        k.advance(self.state, self.par, self.work, m.topology, self.dt_s, self.zeta_1_s, self.reach_m, steps)
+        k.advance(self.state, self.par, self.work, m.assembly, self.dt_s, self.zeta_1_s, self.reach_m, steps)
         self.step += steps
 
     def advance_loaded(self, steps: int, load: Array, ramp: int = 0) -> None:
         """Take steps under forces and moments (P, 6) that grow over the first `ramp` steps of the run."""
         m = self.model
         _advance_loaded(
-            self.state, self.par, self.work, m.topology, self.dt_s, self.zeta_1_s, self.reach_m, load, ramp, self.step, steps
+            self.state, self.par, self.work, m.assembly, self.dt_s, self.zeta_1_s, self.reach_m, load, ramp, self.step, steps
         )  # fmt: skip
         self.step += steps
 
@@ -117,7 +123,7 @@ class Run:
         """Step on and keep the particles' rows, (samples, P, PARTICLE_ROWS): the first are those of now."""
         m = self.model
         states = np.empty((samples, len(self.state)))
-        _record(self.state, self.par, self.work, m.topology, self.dt_s, self.zeta_1_s, self.reach_m, every, states)
+        _record(self.state, self.par, self.work, m.assembly, self.dt_s, self.zeta_1_s, self.reach_m, every, states)
         self.step += (samples - 1) * every
         return states[:, : m.layout.struts].reshape(samples, -1, k.PARTICLE_ROWS)
 

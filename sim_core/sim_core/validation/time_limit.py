@@ -47,7 +47,7 @@ def _diverges(settled: Run, dt_s: float, ground: bool) -> bool:
 def _case(setting: Setting, stroke_m: float, where: str, ground: bool = False) -> Case:
     run = _settled(setting.prototype, stroke_m, ground)
     m = run.model
-    estimate = largest_stable_step_s(m.elements, m.topology, m.par, stroke_m)
+    estimate = largest_stable_step_s(m.elements, m.assembly, m.par, stroke_m)
     low, high = 0.5 * estimate, 2.0 * estimate
     for _ in range(12):
         middle = 0.5 * (low + high)

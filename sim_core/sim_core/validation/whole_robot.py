@@ -116,7 +116,7 @@ def elements_per_strut(setting: Setting) -> Case:
 def _reference_policy() -> tuple[int, ...]:
     """A policy that rolls the reference pair, from the shipped library; a plain one without it."""
     try:
-        return load_library("first").gaits(REFERENCE_TC, REFERENCE_TO)[0].policy
+        return load_library("robust").gaits(REFERENCE_TC, REFERENCE_TO)[0].policy
     except LibraryError:
         return (-40, 30, -20, 10, 40, -30)
 
@@ -185,14 +185,14 @@ def lanes(setting: Setting) -> Case:
     rng = np.random.default_rng(7)
     for robot in robots:
         robot.set_targets(robot.rest_lengths_m() + rng.uniform(-0.03, 0.03, 6))
-    lay, particles = nominal.layout, nominal.topology.particles
+    lay, particles = nominal.layout, nominal.assembly.particles
     state, par, work = (aligned_rows(rows) for rows in (lay.state_rows, lay.par_rows, particles * k.WORK_ROWS))
     for lane, robot in enumerate(robots):
         state[:, lane], work[:, lane] = robot.rows()
         par[:, lane] = robot.model.par
     steps = round(LANES_S / nominal.dt_s)
     reach = max(model.reach_m for model in models)
-    k.advance(state, par, work, nominal.topology, nominal.dt_s, nominal.elements.zeta_1_s, reach, steps)
+    k.advance(state, par, work, nominal.assembly, nominal.dt_s, nominal.elements.zeta_1_s, reach, steps)
     different = 0
     for lane, robot in enumerate(robots):
         robot.advance(steps)

@@ -21,7 +21,8 @@ from sim_core.perturbation import LAW
 from sim_core.policy import neutral_lengths
 from sim_core.structure import require_face
 from sim_core.symmetry import GROUP, carrier
-from sim_core.warm_up import is_warm, warm_up
+from sim_core.warm_up import Stage
+from sixstrut_cli.compiling import compile_first
 from sixstrut_cli.pictures import session_picture
 from sixstrut_cli.replaying import replay
 from sixstrut_cli.route import next_face, walk
@@ -101,9 +102,7 @@ class _Demo:
 
     def _start(self, stack: Stack) -> None:
         plan = self.plan
-        if not is_warm():  # once for all processes, instead of each for itself
-            with self.console.status("compiling the solver (once, about ten seconds)"):
-                warm_up()
+        compile_first(Stage.ROBOT)  # once for all processes, instead of each for itself
         link = self.folder / "prototype"
         stack.start(
             "virtual_prototype",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hardware_bridge.errors import BridgeError
+from sim_core.errors import SimError
 
 
 class KeyboardMissing(BridgeError):
@@ -11,3 +12,7 @@ class KeyboardMissing(BridgeError):
 
 class StackError(BridgeError):
     """The stack did not come up, or a part of it died."""
+
+
+class FarmError(SimError):
+    """A cluster that does not answer, has no workers, or whose workers cannot do the work."""

@@ -45,8 +45,8 @@ class Stack:
         log_folder.mkdir(parents=True, exist_ok=True)
         self._children: dict[str, subprocess.Popen[bytes]] = {}
 
-    def start(self, name: str, command: Sequence[str | Path]) -> None:
-        """Start a process; its output goes to <log folder>/<name>.log."""
+    def start(self, name: str, command: Sequence[str | Path], environ: Mapping[str, str] | None = None) -> None:
+        """Start a process; its output goes to <log folder>/<name>.log. Args: environ: beside what this process has."""
         with (self.log_folder / f"{name}.log").open("wb") as log:
             self._children[name] = subprocess.Popen(
                 [str(word) for word in command],
@@ -54,8 +54,12 @@ class Stack:
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
-                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                env={**os.environ, "PYTHONUNBUFFERED": "1", **(environ or {})},
             )
+
+    def pids(self) -> dict[str, int]:
+        """Process numbers, by the names given at the start."""
+        return {name: child.pid for name, child in self._children.items()}
 
     def require_alive(self) -> None:
         """Raise StackError with the last lines of its log if a process has ended."""

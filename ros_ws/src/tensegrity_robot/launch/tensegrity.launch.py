@@ -29,7 +29,7 @@ ARGUMENTS = (
     ("time_scale", "1.0", "robot seconds per second; other than 1 only with a virtual prototype"),
     ("start_face", "TC6", "face on which robot and twin start"),
     ("calibration", "", "calibration YAML; empty: the virtual prototype's"),
-    ("library", "first", "gait library: a shipped name, or a YAML file"),
+    ("library", "robust", "gait library: a shipped name, or a YAML file"),
     ("bags", "", "folder for the recorded bags; empty: $SIXSTRUT_BAGS or ./bags"),
     ("rviz", "false", "start RViz with the twin"),
 )

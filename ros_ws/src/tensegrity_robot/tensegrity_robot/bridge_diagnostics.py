@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
@@ -17,13 +18,22 @@ SLOW_WRITE_S = 0.02
 """A frame of six servos lasts 26 ms at 9600 baud; handing it over must be much quicker than that, or frames will be late."""
 
 
+class LogFacts(NamedTuple):
+    """A bag as diagnostics tell it; `most_waiting`: messages that ever waited for the disk at once."""
+
+    path: str
+    messages: int
+    most_waiting: int
+    fault: str
+
+
 def diagnostics(
-    node: str, snapshot: Snapshot | None, log: tuple[str, int, str] | None, observer: bool | None, hint: str, stamp: Time
+    node: str, snapshot: Snapshot | None, log: LogFacts | None, observer: bool | None, hint: str, stamp: Time
 ) -> DiagnosticArray:
     """What is well and what is not.
 
     Args:
-        log: path, messages and fault of the bag; None: not recording.
+        log: of the bag; None: not recording.
         observer: whether the observer is there; None: none is expected.
         hint: what to do while there is no bridge.
     """
@@ -103,11 +113,11 @@ def _board(node: str, snapshot: Snapshot) -> DiagnosticStatus:
     return _status(f"{node}: board", ERROR if errors else OK, told, snapshot.port, (("errors", len(errors)),))
 
 
-def _log(node: str, log: tuple[str, int, str] | None, port: str) -> DiagnosticStatus:
+def _log(node: str, log: LogFacts | None, port: str) -> DiagnosticStatus:
     if log is None:
         return _status(f"{node}: log", OK, "not recording", port, ())
-    path, messages, fault = log
-    return _status(f"{node}: log", ERROR if fault else OK, fault or "growing", port, (("bag", path), ("messages", messages)))
+    values = (("bag", log.path), ("messages", log.messages), ("most waiting", log.most_waiting))
+    return _status(f"{node}: log", ERROR if log.fault else OK, log.fault or "growing", port, values)
 
 
 def _status(name: str, level: bytes, told: str, hardware: str, values: Sequence[tuple[str, object]]) -> DiagnosticStatus:

@@ -40,7 +40,7 @@ class BridgeParameters:
     state_folder: str = parameter("", "where the last pulses are kept; empty: $SIXSTRUT_STATE_DIR or ~/.local/state/sixstrut")
     record: bool = parameter(True, "record the session as a bag")
     bag_folder: str = parameter("", "where bags go; empty: $SIXSTRUT_BAGS or ./bags")
-    library: str = parameter("first", "gait library whose file goes into the bag: a shipped name, or a path")
+    library: str = parameter("robust", "gait library whose file goes into the bag: a shipped name, or a path")
     prototype_file: str = parameter("", "YAML of the robot's numbers, to judge shapes and for the bag; empty: the nominal ones")
     frame: str = parameter("odom", "frame of observed joints")
     autostart: bool = parameter(True, "open the port and go active at once; nothing moves")

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from builtin_interfaces.msg import Duration
@@ -20,7 +21,9 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from sim_core.errors import SimError
+from sim_core.face_graph import FaceGraph
 from sim_core.library import Gait, gait_of, load_library
+from sim_core.odds import load_odds
 from sim_core.parameters import load_prototype
 from sim_core.policy import lengths_of, neutral_lengths
 from sim_core.structure import require_adjacent
@@ -29,6 +32,7 @@ from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, 
 from tensegrity_interfaces.srv import Arm, Disarm
 from tensegrity_robot import qos
 from tensegrity_robot.errors import RollRefused, StartError
+from tensegrity_robot.face_graph_service import serve_face_graph
 from tensegrity_robot.filters import EventTimes
 from tensegrity_robot.knots import Knot, constant_speed_knots
 from tensegrity_robot.messages import STRUT_NAMES, nanoseconds
@@ -54,7 +58,8 @@ LONG_AGO = -1
 class PlannerParameters:
     """Parameters of the planner; the descriptions are what `ros2 param describe` shows."""
 
-    library: str = parameter("first", "gait library: a shipped name, or the path of a YAML file")
+    library: str = parameter("robust", "gait library: a shipped name, or the path of a YAML file")
+    odds_file: str = parameter("", "YAML of the gaits' odds, from `sixstrut robustness --odds`; empty: the library's shipped ones")
     prototype_file: str = parameter("", "YAML of the robot's numbers; empty: the nominal prototype")
     confirm: str = parameter(
         "observed", "what a roll's outcome needs: an observed face, or the twin's prediction", choices=("observed", "predicted")
@@ -91,6 +96,7 @@ class GaitPlannerNode(Node):
         self._settings = p = declare_parameters(self, PlannerParameters)
         try:
             self._library = load_library(p.library)
+            self._graph = FaceGraph(self._library, load_odds(self._library, Path(p.odds_file) if p.odds_file else None))
             self._prototype = load_prototype(p.prototype_file or None)
         except SimError as error:
             raise StartError(str(error)) from error
@@ -136,6 +142,7 @@ class GaitPlannerNode(Node):
             goal_callback=self._on_goal,
             cancel_callback=self._on_cancel,
         )
+        serve_face_graph(self, self._graph)
         self.create_timer(LEASE_PERIOD_S, self._prove_life, clock=self._steady)
         self.create_timer(TICK_S, self._tick, clock=self._steady)
         names = ", ".join(primitive.name for primitive in self._library.primitives)
@@ -339,10 +346,7 @@ class GaitPlannerNode(Node):
             if request.primitive:
                 gait = gait_of(self._library.primitive(request.primitive), source, request.target_face)
             else:
-                gaits = self._library.gaits(source, request.target_face)
-                if not gaits:
-                    raise RollRefused(f"library {self._library.name} has no primitive for {source}→{request.target_face}")
-                gait = gaits[0]
+                gait = self._graph.best(source, request.target_face).gait
         except SimError as error:
             raise RollRefused(str(error)) from error
         roll.gait = gait

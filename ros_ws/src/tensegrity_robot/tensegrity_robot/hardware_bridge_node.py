@@ -28,6 +28,7 @@ from sim_core.errors import SimError
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent, TwinState
 from tensegrity_robot import bridge_diagnostics, bridge_messages, messages, qos
 from tensegrity_robot.bridge_calls import BridgeCalls
+from tensegrity_robot.bridge_diagnostics import LogFacts
 from tensegrity_robot.bridge_parameters import BridgeParameters, rules_of, session_files
 from tensegrity_robot.errors import StartError
 from tensegrity_robot.filters import EventTimes
@@ -291,7 +292,8 @@ class HardwareBridgeNode(LifecycleNode):
         self._publish_diagnostics()
 
     def _publish_diagnostics(self) -> None:
-        log = None if self._topics.log is None else (str(self._topics.log.path), self._topics.log.messages, self._topics.log.fault)
+        told = self._topics.log
+        log = None if told is None else LogFacts(str(told.path), told.messages, told.most_waiting, told.fault)
         snapshot = None if self._bridge is None else self._bridge.snapshot()
         stamp = self.get_clock().now().to_msg()
         self._topics.publish(

@@ -100,6 +100,11 @@ class SessionLog:
         """Messages that are safe with the operating system."""
         return self._recorder.messages_written if self._recorder else 0
 
+    @property
+    def most_waiting(self) -> int:
+        """Largest number of messages that ever waited for the disk."""
+        return self._recorder.most_waiting if self._recorder else 0
+
     def open(
         self, folder: Path, topics: Mapping[str, tuple[str, bool]], attachments: Mapping[str, bytes], facts: Mapping[str, str]
     ) -> None:

@@ -1,11 +1,18 @@
-"""The twin: a model that follows what really happened to the robot, or, stand-alone, is the robot."""
+"""The twin: a model that follows what really happened to the robot, or, stand-alone, is the robot.
+
+Events come through the executor; what is published at a rate comes from a loop with absolute deadlines on the steady clock, in a
+thread of its own: an executor's timer at 200 Hz costs more than twice as much and is less even. One lock lets only one of them
+at the model.
+"""
 
 from __future__ import annotations
 
 import sys
+import threading
 import time
 from collections import deque
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from geometry_msgs.msg import PoseArray, PoseStamped
 from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
@@ -15,25 +22,27 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
+from hardware_bridge.streamer import Streamer
 from sim_core.errors import SimError
 from sim_core.follow import Event, Follower, Observed
-from sim_core.model import Model, build_model
+from sim_core.model import build_model
 from sim_core.parameters import load_prototype
 from sim_core.perturbation import MAX_SCALE, perturb
 from sim_core.robot import Robot
 from sim_core.structure import require_face
+from sim_core.warm_up import Stage, is_warm, warm_up
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 from tensegrity_robot import messages, qos
 from tensegrity_robot.errors import StartError
 from tensegrity_robot.event_stream import Begin, EventStream
 from tensegrity_robot.markers import markers
 from tensegrity_robot.parameters import declare_parameters, parameter
-from tensegrity_robot.process import End, run
+from tensegrity_robot.process import End, age_s, run
 from tensegrity_robot.rest import RestWatch
 from tensegrity_robot.standalone import StandAlone
 
 CATCH_UP_S = 0.02
-"""Wall time that one callback may spend on stepping the model."""
+"""Wall time that one callback may spend on stepping the model; a deadline's turn at most half a period."""
 
 BEGIN_WAIT_S = 1.0
 """A stream begins this long after its first write was heard; the faces that somebody saw before arrive sooner."""
@@ -57,15 +66,29 @@ class TwinParameters:
     time_scale: float = parameter(1.0, "stand-alone: robot seconds per second", low=0.01, high=50.0)
 
 
+class _Shown(NamedTuple):
+    """The model's present state as messages."""
+
+    state: TwinState
+    joint_states: JointState
+    joints: PoseArray
+    pose: PoseStamped
+
+
 class TwinNode(Node):
     """See the module."""
 
-    def __init__(self, _end: End):
+    def __init__(self, end: End):
         super().__init__("twin")
+        self._end = end
         self._settings = p = declare_parameters(self, TwinParameters)
         try:
-            self._model = _model(p)
             require_face(p.start_face)
+            prototype = load_prototype(p.prototype_file or None)
+            if not is_warm():
+                self.get_logger().info("compiling the solver, once for these sources: some seconds")
+                warm_up([Stage.ROBOT])
+            self._model = perturb(build_model(prototype), p.perturbation, p.seed)
             self._alone = StandAlone(self._model, p.start_face, p.time_scale) if p.mode == "standalone" else None
             self._follower = Follower(self._model, p.start_face)
         except SimError as error:
@@ -77,6 +100,10 @@ class TwinNode(Node):
         self._at_rest = False
         self._began_on = p.start_face
         self._told_face: tuple[str, bool] | None = None
+        self._turn = threading.Lock()
+        """Whoever steps the model, or shows it, holds it."""
+        self._shown: _Shown | None = None
+        self._told_start = False
         self._full_scale_n = TENDON_FULL_SCALE * float(Robot(self._model).cable_forces_n()[:24].mean())
 
         self._state = self.create_publisher(TwinState, "twin/state", qos.STATES)
@@ -91,15 +118,20 @@ class TwinNode(Node):
             self.create_subscription(FaceObservation, "bridge/face", self._on_face, qos.FACES)
         else:
             self.create_subscription(JointTrajectory, "twin/command", self._on_command, qos.STATES)
-        self.create_timer(1.0 / p.rate_hz, self._on_timer)
         if p.markers_hz > 0.0:
             self.create_timer(1.0 / p.markers_hz, self._publish_markers)
         self.get_logger().info(f"twin ({p.mode}) stands on {p.start_face}, model {self._model.hash}")
+        self._deadlines = Streamer(self._on_deadline, self._on_failure, 1.0 / p.rate_hz, "twin states")
+        self._deadlines.start()
 
     # ---- process ----------------------------------------------------------------------------------------------------
 
     def halt(self) -> None:
-        """Nothing of the twin moves anything."""
+        """Publishes nothing more."""
+        self._deadlines.stop()
+
+    def _on_failure(self, _error: Exception) -> None:
+        self._end(1)
 
     def close(self) -> None:
         """Nothing to let go of."""
@@ -108,22 +140,26 @@ class TwinNode(Node):
 
     def _on_bridge_found(self, change: QoSSubscriptionMatchedInfo) -> None:
         if change.current_count_change > 0:
-            self._stream.renew()
+            with self._turn:
+                self._stream.renew()
 
     def _on_sent(self, message: StrutsSent) -> None:
-        self._due.extend(self._stream.sent(messages.sent_event(message), messages.nanoseconds(message.header.stamp)))
-        self._catch_up()
+        with self._turn:
+            self._due.extend(self._stream.sent(messages.sent_event(message), messages.nanoseconds(message.header.stamp)))
+            self._catch_up(CATCH_UP_S)
 
     def _on_face(self, message: FaceObservation) -> None:
-        self._due.extend(self._stream.observed(messages.observed_event(message), messages.nanoseconds(message.header.stamp)))
-        self._catch_up()
+        with self._turn:
+            self._due.extend(self._stream.observed(messages.observed_event(message), messages.nanoseconds(message.header.stamp)))
+            self._catch_up(CATCH_UP_S)
 
-    def _catch_up(self) -> None:
-        """Apply events that are due; what one callback has no time for waits for the next."""
+    def _catch_up(self, most_s: float) -> None:
+        """Apply events that are due; what there is no time for waits for the next callback or deadline."""
         self._begin_in_time()
-        until = time.monotonic() + CATCH_UP_S
+        until = time.monotonic() + most_s
         while self._due and time.monotonic() < until:
             event = self._due.popleft()
+            self._shown = None
             if isinstance(event, Begin):
                 self._begin(event)
                 continue
@@ -153,7 +189,8 @@ class TwinNode(Node):
     def _on_command(self, message: JointTrajectory) -> None:
         assert self._alone is not None
         lengths = message.points[-1].positions if message.points else []
-        refusal = self._alone.command(message.joint_names, lengths)
+        with self._turn:
+            refusal = self._alone.command(message.joint_names, lengths)
         if refusal:
             self.get_logger().warning(f"twin/command refused: {refusal}")
 
@@ -170,22 +207,46 @@ class TwinNode(Node):
     def _header(self) -> Header:
         return Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
 
-    def _on_timer(self) -> None:
-        if self._alone is None:
-            self._catch_up()
-        else:
-            self._alone.run_until(time.monotonic_ns())
-            self._at_rest = self._rest.at_rest(self._alone.robot, self._alone.robot.step)
-        header, robot = self._header(), self._robot
-        self._publish_state()
-        self._tell_face()
-        speeds = messages.strut_speeds_m_s(robot)
-        self._joint_states.publish(messages.joint_states(header.stamp, robot.rest_lengths_m(), speeds, robot.strut_forces_n()))
-        self._joints.publish(messages.joints(robot, header))
-        self._pose.publish(messages.body_pose(robot, header))
+    def _on_deadline(self, _missed: int) -> None:
+        with self._turn:
+            if self._alone is None:
+                self._catch_up(min(CATCH_UP_S, 0.5 / self._settings.rate_hz))
+            else:
+                self._alone.run_until(time.monotonic_ns())
+                self._at_rest = self._rest.at_rest(self._alone.robot, self._alone.robot.step)
+                self._shown = None
+            self._publish_state()
+            self._tell_face()
+            shown = self._show()
+            self._joint_states.publish(shown.joint_states)
+            self._joints.publish(shown.joints)
+            self._pose.publish(shown.pose)
+        if not self._told_start:
+            self._told_start = True
+            self.get_logger().info(f"first state published {age_s():.2f} s after the process began")
 
     def _publish_state(self) -> None:
-        message = messages.twin_state(self._robot, self._header())
+        self._state.publish(self._show().state)
+
+    def _show(self) -> _Shown:
+        """The model as messages, stamped now; made anew only after a change, seldom at a high rate."""
+        if self._shown is None:
+            robot, header = self._robot, self._header()
+            speeds = messages.strut_speeds_m_s(robot)
+            self._shown = _Shown(
+                self._state_message(header),
+                messages.joint_states(header.stamp, robot.rest_lengths_m(), speeds, robot.strut_forces_n()),
+                messages.joints(robot, header),
+                messages.body_pose(robot, header),
+            )
+        else:
+            stamp = self.get_clock().now().to_msg()
+            for message in self._shown:
+                message.header.stamp = stamp
+        return self._shown
+
+    def _state_message(self, header: Header) -> TwinState:
+        message = messages.twin_state(self._robot, header)
         message.robot_time_ns = self._robot_time_ns
         message.face = self._robot.footing().face or ""
         message.at_rest = self._at_rest
@@ -198,7 +259,7 @@ class TwinNode(Node):
         else:
             message.step = self._alone.robot.step
             message.detail = f"stand-alone, {self._alone.skipped_s:.3f} s skipped"
-        self._state.publish(message)
+        return message
 
     def _tell_face(self) -> None:
         """Publish the face if it, or whether the robot rests on it, has changed."""
@@ -219,12 +280,9 @@ class TwinNode(Node):
         )
 
     def _publish_markers(self) -> None:
-        face = self._robot.footing().face or ""
-        self._markers.publish(markers(self._robot, face, self._header(), self._full_scale_n))
-
-
-def _model(p: TwinParameters) -> Model:
-    return perturb(build_model(load_prototype(p.prototype_file or None)), p.perturbation, p.seed)
+        with self._turn:
+            robot = self._robot.copy()
+        self._markers.publish(markers(robot, robot.footing().face or "", self._header(), self._full_scale_n))
 
 
 def main(args: list[str] | None = None) -> int:

@@ -64,9 +64,9 @@ class Engine(Protocol):
 
 
 @njit(nogil=True, cache=True)
-def _advance_blocks(state, par, work, topology, dt, zeta, reach, steps):
+def _advance_blocks(state, par, work, assembly, dt, zeta, reach, steps):
     for block in range(state.shape[0]):
-        k.advance(state[block], par[block], work[block], topology, dt, zeta, reach, steps)
+        k.advance(state[block], par[block], work[block], assembly, dt, zeta, reach, steps)
 
 
 class SixStrut:
@@ -76,7 +76,7 @@ class SixStrut:
         """Args: steps_per_second: default the prototype's own."""
         self.model = build_model(replace(prototype, steps_per_second=steps_per_second or prototype.steps_per_second))
         self.name, self.step_s = "sixstrut", self.model.dt_s
-        lay, particles = self.model.layout, self.model.topology.particles
+        lay, particles = self.model.layout, self.model.assembly.particles
         self.robot_kb, self.thread_kb = 8e-3 * (lay.state_rows + lay.par_rows + particles * k.WORK_ROWS), 0.0
         self._batches: dict[int, Batch] = {}
         self._snapshots: dict[Moment, tuple[Array, Array]] = {}
@@ -112,7 +112,7 @@ class _OneOfOurs:
 
     def run(self) -> None:
         m = self._model
-        k.advance(self._state, m.par, self._work, m.topology, m.dt_s, m.elements.zeta_1_s, m.reach_m, self._steps)
+        k.advance(self._state, m.par, self._work, m.assembly, m.dt_s, m.elements.zeta_1_s, m.reach_m, self._steps)
 
 
 class _ManyOfOurs:
@@ -142,7 +142,7 @@ class _ManyOfOurs:
     def _advance(self, part: slice) -> None:
         m = self._model
         rows = self._state[part], self._par[part], self._work[part]
-        _advance_blocks(*rows, m.topology, m.dt_s, m.elements.zeta_1_s, m.reach_m, self._steps)
+        _advance_blocks(*rows, m.assembly, m.dt_s, m.elements.zeta_1_s, m.reach_m, self._steps)
 
 
 def _aligned(shape: tuple[int, ...]) -> Array:

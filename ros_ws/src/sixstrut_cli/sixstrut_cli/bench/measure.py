@@ -119,8 +119,8 @@ class Judged:
 
 
 def tasks_of(prototype: Prototype, count: int, seed: int) -> list[Task]:
-    """Half gaits of the library `first`, over all pairs of faces, half uniformly random policies on random faces."""
-    rng, library = np.random.default_rng(seed), load_library("first")
+    """Half gaits of the library `robust`, over all pairs of faces, half uniformly random policies on random faces."""
+    rng, library = np.random.default_rng(seed), load_library("robust")
     pairs = [(source, target) for source, targets in NEIGHBOURS.items() for target in targets]
     tasks = []
     for number in range(count):

@@ -155,7 +155,7 @@ class _JudgedRolls:
         self._engine, self._tasks = engine, tasks
         ours = engine.ours
         self._rules, self._lay = rules_of(ours), ours.layout
-        count, particles = len(tasks), ours.topology.particles
+        count, particles = len(tasks), ours.assembly.particles
         self._rows, self._work = np.zeros((count, self._lay.state_rows)), np.zeros((count, particles * k.WORK_ROWS))
         self._records = np.zeros((count, w.RECORD))
         self._states = np.array([engine.resting(task.source) for task in tasks])

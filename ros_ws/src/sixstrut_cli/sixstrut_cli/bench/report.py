@@ -40,11 +40,15 @@ class Report:
 
 def this_machine(mujoco_version: str, load: tuple[float, float]) -> Machine:
     """The machine, in words."""
+    return Machine(processor(), os.cpu_count() or 1, platform.python_version(), version("numba"), mujoco_version, load)
+
+
+def processor() -> str:
+    """The processor's name and the width of its vectors."""
     names = [line.split(":", 1)[1].strip() for line in _lines("/proc/cpuinfo") if line.startswith("model name")]
     flags = next((line for line in _lines("/proc/cpuinfo") if line.startswith("flags")), "").split()
     width = "AVX-512" if "avx512f" in flags else "AVX2" if "avx2" in flags else "SSE2"
-    name = f"{names[0] if names else platform.machine()}, {width}"
-    return Machine(name, os.cpu_count() or 1, platform.python_version(), version("numba"), mujoco_version, load)
+    return f"{names[0] if names else platform.machine()}, {width}"
 
 
 def _lines(path: str) -> list[str]:
@@ -102,7 +106,8 @@ def _label(engine: str, step_s: float) -> str:
     return f"{engine}, {1e3 * step_s:.3g} ms"
 
 
-def _table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A Markdown table; all columns but the first are aligned to the right."""
     lines = [head, ["---"] + ["--:"] * (len(head) - 1), *rows]
     return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
@@ -116,7 +121,7 @@ def _speed_table(report: Report, threads: int) -> str:
         speed = f"{s.robot_seconds_per_s:.0f}"
         rows.append([_label(s.engine, s.step_s), f"{s.robots}", f"{s.us_per_robot_step:.2f}", speed, ratio])
     head = [_threads(threads), "robots", "µs per robot-step", "× real time", "sixstrut is × faster"]
-    return _table(head, rows)
+    return table(head, rows)
 
 
 def _accuracy_table(accuracies: Sequence[Accuracy]) -> str:
@@ -133,7 +138,7 @@ def _accuracy_table(accuracies: Sequence[Accuracy]) -> str:
         ]
         for a in accuracies
     ]
-    return _table(["", "against", "policies", "rolled", "same face", "end, median mm", "end, 90 % within mm", "came to rest"], rows)
+    return table(["", "against", "policies", "rolled", "same face", "end, median mm", "end, 90 % within mm", "came to rest"], rows)
 
 
 def _memory_table(memories: Sequence[Memory]) -> str:
@@ -148,7 +153,7 @@ def _memory_table(memories: Sequence[Memory]) -> str:
         ]
         for m in memories
     ]
-    return _table(["", "kB a robot", "kB a thread", "MB idle", "MB after (rolls)", "MB after (rolls)"], rows)
+    return table(["", "kB a robot", "kB a thread", "MB idle", "MB after (rolls)", "MB after (rolls)"], rows)
 
 
 def draw(report: Report, path: Path) -> None:

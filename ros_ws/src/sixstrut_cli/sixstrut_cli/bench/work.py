@@ -113,7 +113,7 @@ def count_step(model: Model, state: Array, work: Array) -> Counter[str]:
     """Operations of one step of one robot, by kind. Changes `state` and `work` as the compiled step does."""
     tally: Counter[str] = Counter()
     m = model
-    _counting(tally)["advance"](state, m.par, work, m.topology, m.dt_s, m.elements.zeta_1_s, m.reach_m, 1)
+    _counting(tally)["advance"](state, m.par, work, m.assembly, m.dt_s, m.elements.zeta_1_s, m.reach_m, 1)
     return tally
 
 
@@ -124,7 +124,7 @@ def compiled_operations(model: Model) -> dict[str, Counter[str]]:
     rows = types.Array(types.float64, 2, "C")
     numbers = types.float64, types.float64, types.float64, types.int64
     step = njit(kernel.advance.py_func)  # compiled here: code from numba's cache has no intermediate form left
-    step.compile((rows, rows, rows, typeof(model.topology), *numbers))
+    step.compile((rows, rows, rows, typeof(model.assembly), *numbers))
     found: dict[str, Counter[str]] = {"packed": Counter(), "single": Counter()}
     for line in step.inspect_llvm(step.signatures[0]).splitlines():
         for kind in ("fadd", "fsub", "fmul", "fdiv", "llvm.sqrt"):

@@ -1,8 +1,9 @@
-"""`sixstrut bench`: speed, accuracy and memory, side by side with MuJoCo."""
+"""`sixstrut bench`: speed, accuracy and memory, side by side with MuJoCo; or, with --stack, what the stack itself costs."""
 
 from __future__ import annotations
 
 import os
+import signal
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
@@ -13,7 +14,12 @@ from sixstrut_cli.commands.options import JsonOption, PrototypeOption
 
 
 def command(
-    quick: Annotated[bool, typer.Option("--quick", help="Less than a minute, rougher figures; writes only to --output.")] = False,
+    stack: Annotated[
+        bool, typer.Option("--stack", help="What the stack itself costs instead: twin, latency, recorder, processes, start.")
+    ] = False,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A minute or two, rougher figures; writes only to --output.", show_default=False)
+    ] = False,
     threads: Annotated[
         int | None,
         typer.Option(min=1, help="Threads to measure besides one; default: 2, if there are two processors.", show_default=False),
@@ -23,7 +29,7 @@ def command(
         typer.Option(
             "--output",
             "-o",
-            help="Table to write, its picture goes to images/ beside it; default: docs/benchmark.md.",
+            help="Page to write, its picture goes to images/ beside it; default: docs/benchmark.md, docs/benchmark_stack.md.",
             show_default=False,
         ),
     ] = None,
@@ -32,24 +38,53 @@ def command(
 ) -> None:
     """Measure the solver beside MuJoCo: the same robot, the same policies, one run (about five minutes).
 
-    The first run installs MuJoCo into .sixstrut/, not into .venv. Leave the computer alone while it measures.
+    The first run installs MuJoCo into .sixstrut/, not into .venv. With --stack, measure what the stack itself costs instead (about
+    as long, no MuJoCo). Leave the computer alone while it measures.
+
+    sixstrut bench
+    sixstrut bench --stack
+    sixstrut bench --stack --quick --json
     """
+    root = os.environ.get("SIXSTRUT_ROOT")
+    if root is None or not (Path(root) / "requirements-bench.lock").is_file():
+        raise typer.BadParameter("the benchmark is in the repository: run ./sixstrut bench there")
+    page = Path(root) / "docs" / ("benchmark_stack.md" if stack else "benchmark.md")
+    path = output or (None if quick else page)
+    if stack:
+        if threads is not None or prototype is not None:
+            raise typer.BadParameter("--threads and --prototype are of the solver's benchmark: leave them out with --stack")
+        _measure_stack(quick, path, as_json)
+    else:
+        _measure_solver(Path(root), quick, threads, path, as_json, prototype)
+
+
+def _say(what: str) -> None:
+    typer.echo(what, err=True)
+
+
+def _measure_stack(quick: bool, path: Path | None, as_json: bool) -> None:
+    from sixstrut_cli.bench.stack import figures, measure, report
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes have to be ended
+    result = measure.measure(figures.QUICK if quick else figures.Plan(), _say)
+    if path is not None:
+        picture = path.parent / "images" / f"{path.stem}.png"
+        report.draw(result, picture)
+        path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
+        _say(f"wrote {path} and {picture}")
+    typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
+
+
+def _measure_solver(root: Path, quick: bool, threads: int | None, path: Path | None, as_json: bool, prototype: Path | None) -> None:
     import importlib
 
     from sim_core.model import build_model
     from sim_core.parameters import load_prototype
     from sixstrut_cli.bench import install, measure, report
 
-    root = os.environ.get("SIXSTRUT_ROOT")
-    if root is None or not (Path(root) / "requirements-bench.lock").is_file():
-        raise typer.BadParameter("the benchmark is in the repository: run ./sixstrut bench there")
-    path = output or (None if quick else Path(root) / "docs" / "benchmark.md")
-
-    def say(what: str) -> None:
-        typer.echo(what, err=True)
-
+    say = _say
     load = os.getloadavg()[0]
-    folder = install.make_importable(Path(root), say)
+    folder = install.make_importable(root, say)
     most = threads or min(2, os.cpu_count() or 1)
     plan = measure.Plan(threads=tuple(dict.fromkeys((1, most))))
     if quick:

@@ -35,6 +35,8 @@ def command(
     from sim_core.model import build_model
     from sim_core.modes import calibrated, first_frequency_hz, vibrated_frequency_hz
     from sim_core.parameters import default_path, load_prototype, rewritten, with_value
+    from sim_core.warm_up import Stage
+    from sixstrut_cli.compiling import compile_first
 
     text = (prototype or default_path()).read_text(encoding="utf-8") if prototype is None or prototype.exists() else ""
     robot = load_prototype(prototype)
@@ -48,6 +50,7 @@ def command(
         changes["first_frequency_hz"] = (frequency, "measured", "given to calibrate-model; fixes the mass damping")
         robot = replace(robot, first_frequency_hz=frequency)
     before = build_model(robot)
+    compile_first(Stage.ROBOT)
     typer.echo(f"before: {robot.tendon_stiffness_n_m:.2f} N/m per rope, first frequency {first_frequency_hz(before):.4f} Hz")
     if not keep_ropes:
         robot = calibrated(robot, wanted)

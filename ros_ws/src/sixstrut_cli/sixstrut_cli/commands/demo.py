@@ -18,7 +18,7 @@ def command(
         bool, typer.Option("--real-time/--fast", help="Robot seconds as wall seconds, or eight times faster.")
     ] = False,
     perturbation: Annotated[float, typer.Option(min=0.0, max=0.4, help="How far the prototype is off, 0.05 for ±5 %.")] = 0.05,
-    library: LibraryOption = "first",
+    library: LibraryOption = "robust",
     bags: Annotated[Path, typer.Option(help="Folder for the recorded bag and the picture.")] = Path("bags"),
 ) -> None:
     """Roll the virtual prototype with its twin: board emulator on a pty, bridge, planner and twin as separate processes.

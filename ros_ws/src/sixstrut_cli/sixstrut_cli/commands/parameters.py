@@ -12,6 +12,7 @@ from typing import Annotated
 import typer
 
 from sim_core.elements import elements_of
+from sim_core.frozen import label_of
 from sim_core.library import load_library
 from sim_core.parameters import Entry, Prototype, load_entries
 from sim_core.sensitivity import Influence, influences, stored_influences, stored_path, text_of
@@ -67,14 +68,16 @@ def command(
     if output is not None:
         raise typer.BadParameter("--output needs --export")
     _print_table(entries, _computed(robot, prototype is None) if sensitivity else stored_influences(robot))
-    typer.echo(f"prototype {robot.hash}, model {elements.hash}; --export json writes masses, points and members one by one")
+    typer.echo(
+        f"prototype {robot.hash}, model {label_of(elements.hash)}; --export json writes masses, points and members one by one"
+    )
 
 
 def _computed(robot: Prototype, keep: bool) -> dict[str, Influence]:
     """Compute the influences, with a progress bar; those of the nominal robot are kept beside its parameters."""
     from rich.progress import Progress
 
-    library = load_library("first")
+    library = load_library("robust")
     with Progress(transient=True) as bar:
         task = bar.add_task("varying one number at a time", total=None)
         found = influences(robot, library, report=lambda done, total: bar.update(task, completed=done, total=total))

@@ -37,10 +37,13 @@ def command(
     from sim_core.parameters import load_prototype
     from sim_core.perturbation import perturb
     from sim_core.recheck import compare, load_gaits, verdicts
+    from sim_core.warm_up import Stage
+    from sixstrut_cli.compiling import compile_first
 
     robot = load_prototype(prototype)
     listed = load_gaits(gaits, robot.policy_limit_mm, every_gait)
     improved = build_model(robot)
+    compile_first(Stage.BATCH)
     predictions = {"previous": verdicts(build_model(robot, kind=PREVIOUS), listed), "improved": verdicts(improved, listed)}
     if bag:
         tries = _tries_in_bags(bag, robot.strut_length_m)

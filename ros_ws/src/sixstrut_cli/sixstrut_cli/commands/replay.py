@@ -26,9 +26,12 @@ def command(
     from rich.progress import Progress
 
     from hardware_bridge.bag_reader import read_session
+    from sim_core.warm_up import Stage
+    from sixstrut_cli.compiling import compile_first
     from sixstrut_cli.replaying import replay
 
     session = read_session(bag)
+    compile_first(Stage.ROBOT)
     with Progress(transient=True, disable=as_json) as bar:
         task = bar.add_task("replaying", total=None)
         result = replay(session, report=lambda done, total: bar.update(task, completed=done, total=total))

@@ -22,7 +22,7 @@ def command(
         str | None,
         typer.Option("--primitive", help="A primitive of the library; default: its best.", show_default=False),
     ] = None,
-    library: LibraryOption = "first",
+    library: LibraryOption = "robust",
     kind: Annotated[str, typer.Option("--model", help="improved, or previous: the paper's two models.")] = "improved",
     perturbation: Annotated[float, typer.Option(help="Scale of a perturbed prototype, 0.05 for ±5 %.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Which perturbed prototype.")] = 1,
@@ -43,6 +43,8 @@ def command(
     from sim_core.perturbation import perturb
     from sim_core.roll import Sample, roll
     from sim_core.structure import require_adjacent
+    from sim_core.warm_up import Stage
+    from sixstrut_cli.compiling import compile_first
 
     require_adjacent(source, target)
     if policy is not None:
@@ -52,6 +54,7 @@ def command(
         gait = gait_of(shelf.primitive(primitive), source, target) if primitive else shelf.gaits(source, target)[0]
         strokes, name = list(gait.policy), gait.name + ("" if gait.proper else " (mirror)")
     model = perturb(build_model(load_prototype(prototype), kind=kind), perturbation, seed)
+    compile_first(Stage.ROBOT, Stage.ROLL)
     trace: list[Sample] = []
     result = roll(model, source, target, strokes, trace=trace)
     if picture is not None:

@@ -2,60 +2,154 @@
 
 from __future__ import annotations
 
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sixstrut_cli.commands.options import PrototypeOption
+from sixstrut_cli.commands.options import JsonOption, PrototypeOption
+
+if TYPE_CHECKING:
+    from sim_core.search import Search
+
+
+class Name(StrEnum):
+    """Plans; see `sim_core.shipped`."""
+
+    improved = "improved"
+    previous = "previous"
+    robust = "robust"
 
 
 def command(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Library YAML to write.")] = Path("library.yaml"),
-    seed: Annotated[int, typer.Option(help="Same seed, same library.")] = 1,
-    candidates: Annotated[int, typer.Option(min=1, help="Feasible policies to find per class before choosing.")] = 24,
-    keep: Annotated[int, typer.Option(min=1, help="Primitives to keep per class.")] = 6,
-    training: Annotated[int, typer.Option(min=1, help="Perturbed prototypes on which candidates are tried.")] = 8,
-    scale: Annotated[float, typer.Option(help="Their perturbation, 0.05 for ±5 %.")] = 0.05,
+    plan_name: Annotated[Name, typer.Argument(metavar="PLAN", help="improved, previous or robust.")] = Name.improved,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Library YAML; default: PLAN.yaml.", show_default=False)
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed and options, same library.")] = 1,
+    keep: Annotated[int, typer.Option(min=1, help="Primitives per class.")] = 20,
+    roll_class: Annotated[
+        str | None, typer.Option("--class", help="TC6-TO5 or TO5-TC6; default: both.", show_default=False)
+    ] = None,
+    active: Annotated[int, typer.Option(min=1, max=6, help="Struts that a policy may move.")] = 6,
+    apart: Annotated[int | None, typer.Option(min=1, help="Two primitives differ by so many mm in some strut.")] = None,
+    generations: Annotated[int | None, typer.Option(min=1, help="At most so many.", show_default="the plan's")] = None,
+    evaluations: Annotated[int | None, typer.Option(min=1, help="At most so many rolls of the nominal robot.")] = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, even if a stopped search could go on.")] = False,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler; default: this machine's cores.", show_default=False)
+    ] = None,
+    picture: Annotated[Path | None, typer.Option(help="PNG; default: beside the library.", show_default=False)] = None,
     prototype: PrototypeOption = None,
+    as_json: JsonOption = False,
 ) -> None:
-    """Find primitives of both classes by a seeded random search (some minutes). The shipped library `first` is this command's.
+    """Find primitives of both classes with a genetic algorithm; the shipped libraries are made by their plans' names.
 
-    sixstrut search -o mine.yaml
-    sixstrut search --seed 7 --candidates 20 --keep 10
+    improved: feasible with the improved model. previous: with the paper's previous model. robust: improved, and those that work
+    best on perturbed prototypes and inclined ground. Ctrl-C stops it after the generation; the same command goes on from there.
+
+    sixstrut search
+    sixstrut search robust -o mine.yaml --seed 7
+    sixstrut search --active 3 --class TO5-TC6 --keep 5 -o three_struts.yaml
     """
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     from sim_core.library import library_text
-    from sim_core.model import build_model
     from sim_core.parameters import load_prototype
-    from sim_core.search import Progress as Step
-    from sim_core.search import SearchPlan, search
+    from sim_core.search import Search
+    from sim_core.shipped import PLANS
+    from sim_core.warm_up import Stage
+    from sixstrut_cli.compiling import compile_first
+    from sixstrut_cli.farm import runner_of
+    from sixstrut_cli.search_picture import library_picture
 
-    plan = SearchPlan(seed, candidates, keep, training, scale)
-    model = build_model(load_prototype(prototype))
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TextColumn("{task.completed}/{task.total}"),
-        TimeElapsedColumn(),
+    path = output or Path(f"{plan_name.value}.yaml")
+    changes: dict[str, Any] = {"seed": seed, "keep": keep, "active": active}
+    changes |= {"apart_mm": apart} if apart else {}
+    changes |= {"generations": generations} if generations else {}
+    changes |= {"evaluations": evaluations} if evaluations else {}
+    changes |= {"classes": (roll_class,)} if roll_class else {}
+    if output is not None:
+        changes["name"] = path.stem
+    plan = replace(PLANS[plan_name.value], **changes)
+    robot = load_prototype(prototype)
+    if scheduler is None:
+        compile_first(Stage.BATCH)
+    stopped = path.with_suffix(".search.json")
+    state = None if fresh else _read(stopped)
+    with runner_of(scheduler) as runner:
+        search = Search(robot, plan, runner, state)
+        if state is not None:
+            typer.echo(f"going on after generation {search.generation} of {stopped} (--fresh begins anew)", err=True)
+        whole = _run(search, stopped)
+        if not whole:
+            typer.echo(f"stopped after generation {search.generation}; the same command goes on from {stopped}", err=True)
+            raise typer.Exit(130)
+        library = search.library()
+    path.write_text(library_text(library), encoding="utf-8")
+    stopped.unlink(missing_ok=True)
+    drawn = picture or path.with_suffix(".png")
+    library_picture(library, drawn)
+    done = search.progress
+    if as_json:
+        counts = {name: sum(p.roll_class.name == name for p in library.primitives) for name in plan.classes}
+        typer.echo(json.dumps({"library": str(path), "hash": library.hash, "primitives": counts, "rolls": done.rolled}))
+        return
+    for p in library.primitives:
+        shown = ", ".join(f"{key} {value:g}" for key, value in p.margins.items())
+        typer.echo(f"{p.name} {p.roll_class.name} {' '.join(f'{v:+d}' for v in p.policy)} mm: {shown}")
+    for name in plan.classes:
+        count = sum(p.roll_class.name == name for p in library.primitives)
+        if count < plan.keep:
+            typer.echo(f"only {count} of {plan.keep} primitives {name} in {done.rolled} rolls", err=True)
+    typer.echo(
+        f"wrote {path} (library {library.hash}, model {library.model_hash}) and {drawn}: {done.rolled} rolls of the nominal robot, "
+        f"{done.trained} trials on training prototypes"
     )
-    with Progress(*columns) as bars:
-        tasks = {}
 
-        def report(step: Step) -> None:
-            key = (step.roll_class, step.phase)
-            if key not in tasks:
-                tasks[key] = bars.add_task("", total=step.total)
-            what = f"finding ({step.tried} policies tried)" if step.phase == "find" else "trials in 24 gaits"
-            bars.update(tasks[key], completed=step.done, description=f"{step.roll_class}: {what}")
 
-        library = search(model, plan, report)
-    output.write_text(library_text(library), encoding="utf-8")
-    for primitive in library.primitives:
-        margins = primitive.margins
-        typer.echo(
-            f"{primitive.name} {primitive.roll_class.name} {' '.join(f'{v:+d}' for v in primitive.policy)} mm: "
-            f"{100 * margins['success']:.0f} % of {margins['trials']:.0f} trials at ±{100 * scale:g} %"
-        )
-    typer.echo(f"wrote {output} (library {library.hash}, model {library.model_hash})")
+def _read(path: Path) -> Mapping[str, Any] | None:
+    try:
+        state: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
+    except json.JSONDecodeError as error:
+        raise typer.BadParameter(f"{path} is damaged ({error}); --fresh begins anew") from error
+    return state
+
+
+def _run(search: Search, keep: Path) -> bool:
+    """Search to the end, keeping the state after each generation; False if it was interrupted."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[found]}"), TextColumn("{task.fields[speed]}"),
+        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True)) as bars:
+        task = bars.add_task("generation 0", total=1.0, found="", speed="")
+        try:
+            while not search.done:
+                search.step()
+                _keep(search, keep)
+                now = search.progress
+                seconds = bars.tasks[0].elapsed or 1e-9
+                found = ", ".join(f"{name} {now.found[name]}/{now.wanted} (best {now.best[name]:.2f})" for name in now.found)
+                rolls = now.rolled + now.trained
+                bars.update(
+                    task, completed=now.finished, description=f"generation {now.generation}", found=found,
+                    speed=f"{rolls} rolls, {rolls / seconds:.0f}/s",
+                )  # fmt: skip
+        except KeyboardInterrupt:
+            return False
+    return True
+
+
+def _keep(search: Search, path: Path) -> None:
+    """Write the state so that an interruption leaves the old one or the new one, whole."""
+    new = path.with_suffix(".new")
+    new.write_text(json.dumps(search.state), encoding="utf-8")
+    new.replace(path)

@@ -1,0 +1,27 @@
+"""The plans of the shipped libraries: `./sixstrut search NAME` makes each of them again."""
+
+from __future__ import annotations
+
+from sim_core.elements import PREVIOUS
+from sim_core.search import SearchPlan, Training
+from sim_core.uncertainty import Law
+
+LEVEL = Law(0.2)
+"""Training on level ground: twice the errors that a library is asked to survive everywhere."""
+INCLINED = Law(0.1, incline_deg=5.0)
+"""Ground slope is what stops plain primitives: uphill they do not tip."""
+
+PLANS = {
+    plan.name: plan
+    for plan in (
+        SearchPlan("improved"),
+        SearchPlan("previous", kind=PREVIOUS, generations=100_000),
+        SearchPlan(
+            "robust",
+            offspring=96,
+            polish=24,
+            training=(Training(LEVEL, 16, 11_001), Training(INCLINED, 16, 11_002)),
+            choice=(Training(LEVEL, 64, 12_001), Training(INCLINED, 64, 12_002)),
+        ),
+    )
+}
