@@ -103,7 +103,7 @@ def _check_allowed(port: str) -> Finding:
 def _busy(port: str, error: PortBusy) -> Finding:
     """A bridge of ours that holds the port is as it should be."""
     for pid, name in _holders(port):
-        if "hardware_bridge" in name:
+        if any(word.endswith("lib/tensegrity_robot/hardware_bridge") for word in name.split()):
             return Finding("link", Health.FINE, f"the bridge has it (process {pid}); its health is on /diagnostics")
         return Finding("link", Health.MEND, f"{port} is held by process {pid}, {name}", f"end that program: kill {pid}")
     return Finding("link", Health.MEND, str(error), f"see who holds it: fuser {port}")
