@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 import secrets
 import threading
@@ -12,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hardware_bridge.calibration import STRUTS
-from hardware_bridge.checks import Rules, check_trajectory
+from hardware_bridge.checks import SHAPE_STEP_M, Rules, check_homing, check_trajectory
 from hardware_bridge.codecs import Board
 from hardware_bridge.codecs.lsc import Lsc
 from hardware_bridge.codecs.maestro import timeout_s
@@ -20,10 +19,12 @@ from hardware_bridge.engine import Callbacks, Engine
 from hardware_bridge.errors import ParameterError, Refused, StateError
 from hardware_bridge.events import FACES, SOURCES, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.fit import require_fit
+from hardware_bridge.homing import homing_path, known_pulses
 from hardware_bridge.last_pulses import LastPulses, state_directory
 from hardware_bridge.link import Link
 from hardware_bridge.motion import MotionHandle
 from hardware_bridge.protocol import Arm, Disarm, Execute, Hold, Mode, Prove, Reset, Stop
+from hardware_bridge.shape_memory import ShapeMemory
 from hardware_bridge.streamer import Streamer
 from hardware_bridge.trajectory import Trajectory
 from hardware_bridge.transport import SerialTransport
@@ -41,7 +42,8 @@ class Bridge:
     Args:
         port: Path or pyserial URL.
         rules: Calibration, limits, pacing and shape check (a function of six rest lengths in m that returns what is
-            wrong, or None; called under the lock for every frame, so it should take well under a millisecond).
+            wrong, or None). It may be slow: it is asked once a shape, in the caller's thread and outside the lock, before
+            a command is judged; the supervisor and the frame loop look its verdicts up.
         board: What sits behind the port; LSC by default.
         baud: Rate between radio and board; None: the board's usual one.
         time_scale: Robot seconds per second; None takes the virtual prototype's, or 1 on a real port.
@@ -79,7 +81,10 @@ class Bridge:
         require_fit(board, rules, baud)
         self.port = port
         self.board = board
-        self.rules = replace(rules, shape_check=functools.lru_cache(maxsize=32768)(rules.shape_check))
+        quantum_m = max(strut.quantum_m for strut in rules.calibration.struts)
+        shapes = ShapeMemory(rules.shape_check, 0.5 * SHAPE_STEP_M + quantum_m)
+        self.rules = replace(rules, shape_check=shapes.recall)
+        self._judging_rules = replace(rules, shape_check=shapes.judge)
         self._wanted_time_scale = time_scale
         self._liveness_period_s = liveness_period_s
         self._state_dir = state_directory() if state_dir is None else state_dir
@@ -138,6 +143,27 @@ class Bridge:
 
     # ---- commands ---------------------------------------------------------------------------------------------------
 
+    def judge_homing(self, confirmed_lengths_m: Sequence[float | None] | None = None) -> None:
+        """Judges the shapes on the way to mid stroke, which may take a second, and remembers the verdicts for ``arm``.
+
+        ``arm`` does it by itself; who must not wait there calls this first, in a thread that may.
+        """
+        with self._engine.lock:
+            state = self._engine.state
+        if state.mode is Mode.FAULT or state.lease is not None:
+            return
+        with suppress(Refused):
+            pulses_us = known_pulses(self.rules, state, _arming("", True, "", confirmed_lengths_m))
+            check_homing(self._judging_rules, pulses_us, homing_path(self.rules, pulses_us))
+
+    def judge_motion(self, trajectory: Trajectory, lease: str) -> None:
+        """As ``judge_homing``, for ``execute``. Only the holder's commands are worth the work."""
+        with self._engine.lock:
+            state, present_m = self._engine.state, self._engine.lengths_m()
+        if state.homed and state.motion is None and state.lease is not None and state.lease.token == lease:
+            with suppress(Refused):
+                check_trajectory(self._judging_rules, present_m, trajectory)
+
     def arm(self, holder: str, lifted_and_clear: bool, confirmed_lengths_m: Sequence[float | None] | None = None) -> str:
         """Takes the lease and begins homing, which ends in ARMED (see ``snapshot`` and ``on_state``).
 
@@ -155,12 +181,13 @@ class Bridge:
                 :class:`StateError`, :class:`FaultLatched`.
             StateFileError: The last pulses cannot be kept.
         """
-        given = () if confirmed_lengths_m is None else tuple(confirmed_lengths_m)
         token = secrets.token_hex(8)
+        if lifted_and_clear:
+            self.judge_homing(confirmed_lengths_m)
         with self._engine.lock:
             self._require_open("arm")
             self._engine.save_record()
-            self._engine.apply(Arm(holder, lifted_and_clear, token, given or (None,) * len(STRUTS)))
+            self._engine.apply(_arming(holder, lifted_and_clear, token, confirmed_lengths_m))
         return token
 
     def disarm(self, lease: str) -> None:
@@ -195,7 +222,7 @@ class Bridge:
             Refused: Nothing moves. :class:`LimitError`, :class:`ShapeError`, :class:`LeaseError`, :class:`StaleError`,
                 :class:`StateError`, :class:`FaultLatched`.
         """
-        self._judge_shapes_early(trajectory)
+        self.judge_motion(trajectory, lease)
         with self._engine.lock:
             self._require_open("execute")
             number = self._motion_count + 1
@@ -238,6 +265,7 @@ class Bridge:
                     self._engine.use_record(record, self._handshake is not None)
                     if was_dirty and self.board.quirks.error_moves:
                         self._engine.forget_positions()
+                    self._engine.reopened()
             with self._engine.lock:
                 self._engine.apply(Reset())
                 self._engine.tell_state(force=True)
@@ -293,14 +321,11 @@ class Bridge:
         self._handshake = handshake
         return time_scale, LastPulses(self._state_dir, self.port, "" if handshake is None else handshake.instance)
 
-    def _judge_shapes_early(self, trajectory: Trajectory) -> None:
-        """Judges the shapes outside the lock, to remember the verdicts; what counts is the supervisor's own check."""
-        with self._engine.lock:
-            state, present_m = self._engine.state, self._engine.lengths_m()
-        if state.homed and state.motion is None:
-            with suppress(Refused):
-                check_trajectory(self.rules, present_m, trajectory)
-
     def _require_open(self, command: str) -> None:
         if self._streamer is None:
             raise StateError(command, self._engine.state.mode, "the bridge is closed; open it first")
+
+
+def _arming(holder: str, clear: bool, token: str, confirmed_m: Sequence[float | None] | None) -> Arm:
+    given = () if confirmed_m is None else tuple(confirmed_m)
+    return Arm(holder, clear, token, given or (None,) * len(STRUTS))

@@ -152,7 +152,7 @@ def parse_calibration(text: str, source: str) -> Calibration:
     for name in struts:
         if name not in STRUTS:
             raise CalibrationError(source, "is no strut, valid are S1 to S6", strut=str(name))
-    parsed = tuple(_parse_strut(source, name, struts[name]) for name in STRUTS)
+    parsed = tuple(parse_strut(source, name, struts[name]) for name in STRUTS)
     holders: dict[int, str] = {}
     for name, strut in zip(STRUTS, parsed, strict=True):
         if strut.channel in holders:
@@ -162,7 +162,8 @@ def parse_calibration(text: str, source: str) -> Calibration:
     return Calibration(mid_m, parsed, board)
 
 
-def _parse_strut(source: str, name: str, data: object) -> StrutCalibration:
+def parse_strut(source: str, name: str, data: object) -> StrutCalibration:
+    """One strut's entry; ``source`` and ``name`` say in errors whose it is. Raises CalibrationError."""
     if not isinstance(data, Mapping) or set(data) != _FIELDS:
         got = set(data) if isinstance(data, Mapping) else set()
         missing, unknown = sorted(_FIELDS - got), sorted(map(str, got - _FIELDS))

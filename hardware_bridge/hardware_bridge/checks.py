@@ -5,7 +5,7 @@ The two are written separately on purpose: a mistake in one does not open the ot
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,13 +13,14 @@ import numpy as np
 from hardware_bridge.calibration import STRUTS, Calibration
 from hardware_bridge.errors import LimitError, ShapeError
 from hardware_bridge.limits import Limits, Pacing
+from hardware_bridge.shape_memory import ShapeCheck
 from hardware_bridge.trajectory import Trajectory
-
-ShapeCheck = Callable[[tuple[float, ...]], str | None]
-"""Takes six rest lengths [m]; returns what is wrong with the shape, or None."""
 
 START_TOLERANCE_M = 5e-4
 """How far a knot at time 0 may be from the present lengths."""
+
+SHAPE_STEP_M = 1e-3
+"""No strut changes by more between two shapes that are judged along a path."""
 
 _ROUNDING_M = 1e-9
 
@@ -37,7 +38,7 @@ class Rules:
         calibration: Of the six struts; its own limits hold always, also while homing.
         limits: Of commands.
         pacing: Of frames.
-        shape_check: Judges six rest lengths together; applied to every knot and every frame.
+        shape_check: Judges six rest lengths together; applied to every mm of every path, and to every frame.
     """
 
     calibration: Calibration
@@ -88,13 +89,15 @@ def check_homing(rules: Rules, pulses_us: Sequence[int], path: Trajectory) -> No
 
 
 def check_shapes(rules: Rules, path: Trajectory) -> None:
-    """Every knot, and every frame between, as whole pulses would have it.
+    """Every knot, and every mm between, as whole pulses would have it.
 
     Raises:
         ShapeError: The first shape that is not permitted, with its time.
     """
-    frames_s = np.arange(0.0, path.duration_s, rules.pacing.period_s)
-    for time_s in np.union1d(frames_s, path.times_s):
+    steps = np.ceil(np.abs(np.diff(path.lengths_m, axis=0)).max(axis=1) / SHAPE_STEP_M - _ROUNDING_M).astype(int)
+    ends = zip(path.times_s, path.times_s[1:], np.maximum(steps, 1), strict=False)
+    between = [np.linspace(start_s, end_s, count, endpoint=False) for start_s, end_s, count in ends]
+    for time_s in np.concatenate([*between, path.times_s[-1:]]):
         lengths_m = rules.calibration.lengths_m(rules.calibration.pulses_us(list(path.at(time_s))))
         problem = rules.shape_check(lengths_m)
         if problem is not None:

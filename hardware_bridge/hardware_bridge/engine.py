@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -21,6 +22,7 @@ from hardware_bridge.errors import BridgeError, LinkLost, ShapeError
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.health import Answer, judge
 from hardware_bridge.last_pulses import LastPulses
+from hardware_bridge.latency import Latency
 from hardware_bridge.link import Link
 from hardware_bridge.motion import MotionHandle, MotionResult, Progress
 from hardware_bridge.protocol import (
@@ -34,6 +36,7 @@ from hardware_bridge.protocol import (
     Refuse,
     Send,
     State,
+    Supply,
     Tick,
 )
 from hardware_bridge.protocol import LinkLost as LinkLostEvent
@@ -62,6 +65,7 @@ class _Counters:
     frames_sent: int = 0
     late_periods: int = 0
     congested_periods: int = 0
+    reopened: int = 0
 
 
 class Engine:
@@ -89,6 +93,7 @@ class Engine:
         self._record: LastPulses | None = None
         self._motions: dict[int, MotionHandle] = {}
         self._count = _Counters()
+        self._latency = Latency()
         self._written_in_tick = False
         self._congested_since_s: float | None = None
         self._told: tuple[object, ...] = ()
@@ -100,11 +105,12 @@ class Engine:
     def begin(self, time_scale: float, record: LastPulses, virtual: bool) -> None:
         """A new stream on a port just opened: clock at 0, ``seq`` from 1. A latched fault stays."""
         was = self.state
+        duty = was.duty.moved_by(-self.clock.now().robot_s)
         self.clock = RobotClock(time_scale)
-        self.state = State()
+        self.state = State(duty=duty)
         if was.mode is Mode.FAULT:
             self.state = replace(self.state, mode=Mode.FAULT, reason=was.reason)
-        self._count = _Counters()
+        self._count, self._latency = _Counters(), Latency()
         self.link.write_errors = 0
         self.use_record(record, virtual)
         self._heartbeat()
@@ -114,6 +120,10 @@ class Engine:
         """Takes the last pulses from the record of the robot behind the port."""
         self._record, self.virtual = record, virtual
         self.state = replace(self.state, pulses_us=record.load(self._rules.calibration.channels))
+
+    def reopened(self) -> None:
+        """Counts a lost link that was opened again."""
+        self._count.reopened += 1
 
     def save_record(self, durable: bool = False) -> None:
         """Writes the record anew. Raises :class:`StateFileError`."""
@@ -134,6 +144,8 @@ class Engine:
                     answer = self.link.attend(now_s, self.state.energised)
                     if answer is not None:
                         self._judge(answer)
+                    if self.link.battery_mv != self.state.supply_mv:
+                        self.apply(Supply(self.link.battery_mv))
                     congested = self._is_congested(now_s)
                 except LinkLost as error:
                     self.apply(LinkLostEvent(str(error)))
@@ -231,7 +243,9 @@ class Engine:
             frame = self._frame(send)
             assert self._record is not None
             self._record.save(channels, self.state.pulses_us)
+            begun_s = time.monotonic()
             self.link.write(frame)
+            self._latency.add(time.monotonic() - begun_s)
         except LinkLost as error:
             return LinkLostEvent(str(error))
         except Exception as error:
@@ -326,10 +340,15 @@ class Engine:
                 energised=state.energised,
                 calibration_hash=self._rules.calibration.hash,
                 battery_mv=self.link.battery_mv,
+                duty_left_s=state.duty.left_s(self.clock.now().robot_s, self._rules.limits),
                 frames_sent=count.frames_sent,
                 write_errors=self.link.write_errors,
                 late_periods=count.late_periods,
                 congested_periods=count.congested_periods,
+                duty_limit_s=self._rules.limits.duty_s,
+                supply_low_v=self._rules.limits.supply_low_v,
+                write_latency=self._latency.percentiles(),
+                reopened=count.reopened,
             )
 
     def lengths_m(self) -> tuple[float, ...]:

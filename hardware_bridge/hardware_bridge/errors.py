@@ -122,6 +122,29 @@ class ShapeError(Refused):
         super().__init__(f"shape [{shape}] mm{f' {where}' if where else ''} is not permitted: {problem}")
 
 
+class DutyError(Refused):
+    """A strut that has run too long of late; times in [s] of robot time. ``wait_s`` None: waiting does not help."""
+
+    def __init__(self, strut: str, used_s: float, needed_s: float, limit_s: float, window_s: float, wait_s: float | None) -> None:
+        self.strut, self.used_s, self.needed_s = strut, used_s, needed_s
+        self.limit_s, self.window_s, self.wait_s = limit_s, window_s, wait_s
+        remedy = "make the motion shorter" if wait_s is None else f"wait {wait_s:.0f} s of robot time"
+        super().__init__(
+            f"{strut}: has run {used_s:.1f} s of the last {window_s:g} s and would run {needed_s:.1f} s more, "
+            f"the limit is {limit_s:g} s; {remedy}"
+        )
+
+
+class SupplyError(Refused):
+    """The servo supply is too low to begin a motion that loads the struts; in [V]."""
+
+    def __init__(self, supply_v: float, limit_v: float) -> None:
+        self.supply_v, self.limit_v = supply_v, limit_v
+        super().__init__(
+            f"servo supply is {supply_v:.2f} V, the limit is {limit_v:g} V; charge it; the way back to mid stroke is open"
+        )
+
+
 class TrajectoryError(Refused):
     """A trajectory that is none: wrong names, counts, times or not-a-number."""
 

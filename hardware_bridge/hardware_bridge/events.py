@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from hardware_bridge.latency import NOTHING_MEASURED, Percentiles
 from hardware_bridge.protocol import Mode
 
 FACES = (*(f"TC{number}" for number in range(1, 9)), *(f"TO{number}" for number in range(1, 13)))
@@ -80,6 +81,12 @@ class Snapshot:
         energised: Which struts have been sent a pulse since the port was opened.
         calibration_hash: Of the calibration in use.
         battery_mv: Last reply of the board, in [mV]; None before the first.
+        duty_left_s: Robot time that the strut that ran longest lately may still run, in [s].
+        duty_limit_s: Its whole budget within the window, in [s].
+        supply_low_v: Servo supply below which no gait is begun, in [V].
+        write_latency: How long the port took to take each frame, the last 1200.
+        reopened: How often a lost link was opened again since ``open``.
+        board_errors: What the board says is wrong with it; empty also for a board that cannot say.
         frames_sent: Frames written since ``open``.
         write_errors: Failed or partial writes since ``open``.
         late_periods: Periods that the frame loop missed, dropped and not made up for.
@@ -102,7 +109,13 @@ class Snapshot:
     energised: tuple[bool, ...]
     calibration_hash: str
     battery_mv: int | None
+    duty_left_s: float
     frames_sent: int
     write_errors: int
     late_periods: int
     congested_periods: int
+    duty_limit_s: float
+    supply_low_v: float
+    write_latency: Percentiles = NOTHING_MEASURED
+    reopened: int = 0
+    board_errors: tuple[str, ...] = ()

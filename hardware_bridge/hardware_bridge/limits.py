@@ -31,6 +31,10 @@ class Limits(_Ranged):
         speed_m_s: Largest speed of a rest length, in [m/s] of robot time.
         step_m: Largest change of a rest length in one frame, in [m].
         goal_age_s: Oldest stamp of a goal, in [s] of wall time.
+        duty_fraction: Part of a window that a strut may run; its actuator's maker permits 0.2.
+        duty_window_s: That window, in [s] of robot time: of one minute in five, ten minutes make two.
+        supply_low_v: Servo supply below which no motion that loads the struts is begun, in [V]. A board that does
+            not tell its supply is not judged.
         lease_silence_s: Longest silence of the lease's holder, in [s] of wall time: it is a process that must prove
             its life, whatever the pace of the robot. With a time scale, which only a virtual port has, this is so many
             times longer in robot time.
@@ -42,6 +46,9 @@ class Limits(_Ranged):
         "step_m": (0.0002, 0.010),
         "goal_age_s": (0.05, 5.0),
         "lease_silence_s": (0.2, 10.0),
+        "duty_fraction": (0.01, 1.0),
+        "duty_window_s": (10.0, 3600.0),
+        "supply_low_v": (0.1, 60.0),
     }
 
     stroke_m: float = 0.045
@@ -49,6 +56,14 @@ class Limits(_Ranged):
     step_m: float = 0.002
     goal_age_s: float = 0.5
     lease_silence_s: float = 1.0
+    duty_fraction: float = 0.2
+    duty_window_s: float = 600.0
+    supply_low_v: float = 6.4
+
+    @property
+    def duty_s(self) -> float:
+        """How long a strut may run within the window, in [s] of robot time."""
+        return self.duty_fraction * self.duty_window_s
 
 
 @dataclass(frozen=True)

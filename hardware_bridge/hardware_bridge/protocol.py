@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import StrEnum
 
 from hardware_bridge.calibration import STRUTS
+from hardware_bridge.duty import Duty
 from hardware_bridge.errors import Refused
 from hardware_bridge.trajectory import Trajectory
 
@@ -102,6 +103,8 @@ class State:
         energising: While homing, how many struts have been energised.
         resume_s: Robot time at which homing goes on.
         last_frame: See :class:`LastFrame`.
+        duty: How long each strut has run lately.
+        supply_mv: Servo supply as the board last told it, in [mV]; None where it never did.
     """
 
     mode: Mode = Mode.DISARMED
@@ -114,6 +117,8 @@ class State:
     energising: int = 0
     resume_s: float = 0.0
     last_frame: LastFrame | None = None
+    duty: Duty = field(default_factory=Duty)
+    supply_mv: int | None = None
 
 
 # ---- events ---------------------------------------------------------------------------------------------------------
@@ -176,6 +181,13 @@ class LinkLost:
 
 
 @dataclass(frozen=True)
+class Supply:
+    """The board told its supply, in [mV]; None: it is not known any more."""
+
+    millivolts: int | None
+
+
+@dataclass(frozen=True)
 class Fail:
     """Anything else that must latch."""
 
@@ -194,7 +206,7 @@ class Tick:
     congested: bool = False
 
 
-Event = Arm | Disarm | Prove | Execute | Hold | Stop | LinkLost | Fail | Reset | Tick
+Event = Arm | Disarm | Prove | Execute | Hold | Stop | LinkLost | Supply | Fail | Reset | Tick
 
 
 # ---- effects --------------------------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ import numpy as np
 
 from hardware_bridge.calibration import STRUTS
 from hardware_bridge.checks import Rules, check_homing, check_trajectory
+from hardware_bridge.duty import check_duty, returns
 from hardware_bridge.errors import (
     FaultLatched,
     LeaseError,
@@ -26,6 +27,7 @@ from hardware_bridge.errors import (
     Refused,
     StaleError,
     StateError,
+    SupplyError,
 )
 from hardware_bridge.homing import homing_path, known_pulses
 from hardware_bridge.protocol import (
@@ -53,8 +55,10 @@ from hardware_bridge.protocol import (
     Send,
     State,
     Stop,
+    Supply,
     Tick,
 )
+from hardware_bridge.trajectory import Trajectory
 
 _ROUNDING_S = 1e-6
 _ALL = tuple(range(len(STRUTS)))
@@ -93,6 +97,8 @@ class Supervisor:
                     return self._hold(state, event)
                 case Stop():
                     return self._stop(state, event.reason)
+                case Supply():
+                    return replace(state, supply_mv=event.millivolts), ()
                 case LinkLost() | Fail():
                     return self._fail(state, event)
                 case Reset():
@@ -112,7 +118,16 @@ class Supervisor:
         pulses_us = known_pulses(self.rules, state, event)
         check_homing(self.rules, pulses_us, homing_path(self.rules, pulses_us))
         lease = Lease(event.token, event.holder, now.wall_s)
-        homing = State(Mode.HOMING, "", pulses_us, state.energised, lease, resume_s=now.robot_s)
+        homing = State(
+            Mode.HOMING,
+            "",
+            pulses_us,
+            state.energised,
+            lease,
+            resume_s=now.robot_s,
+            duty=state.duty,
+            supply_mv=state.supply_mv,
+        )
         return homing, (Granted(event.token),)
 
     def _execute(self, state: State, event: Execute, now: Now) -> Result:
@@ -127,7 +142,18 @@ class Supervisor:
         if not abs(event.stamp_age_s) <= limit_s:  # also not-a-number
             raise StaleError(event.stamp_age_s, limit_s)
         path = check_trajectory(self.rules, self._lengths_m(state), event.trajectory)
+        self._require_strength(state, path, now)
         return replace(state, mode=Mode.ARMED, reason="", motion=Motion(event.number, path)), ()
+
+    def _require_strength(self, state: State, path: Trajectory, now: Now) -> None:
+        """Duty and supply for a motion that loads the struts; the way back to mid stroke is always open."""
+        calibration, limits = self.rules.calibration, self.rules.limits
+        quantum_m = max(strut.quantum_m for strut in calibration.struts)
+        if returns(path, calibration.mid_stroke_length_m, quantum_m):
+            return
+        check_duty(state.duty, path, now.robot_s, limits)
+        if state.supply_mv is not None and state.supply_mv * 1e-3 < limits.supply_low_v:
+            raise SupplyError(state.supply_mv * 1e-3, limits.supply_low_v)
 
     def _disarm(self, state: State, event: Disarm) -> Result:
         if state.mode is Mode.FAULT:
@@ -222,7 +248,9 @@ class Supervisor:
         frame = LastFrame(tuple(map(float, board_m)), now.robot_s, duration_ms * 1e-3)
         moved = Motion(motion.number, motion.path, progress_s, now.robot_s)
         kind = Kind.HOME if motion.number == HOMING_NUMBER else Kind.MOVE
-        after = replace(state, motion=moved, pulses_us=pulses_us, energised=(True,) * len(STRUTS), last_frame=frame)
+        turned = tuple(new != old for new, old in zip(pulses_us, state.pulses_us, strict=True))
+        duty = state.duty.ran(turned, frame.duration_s / self.rules.pacing.overlap, now.robot_s, self.rules.limits)
+        after = replace(state, motion=moved, pulses_us=pulses_us, energised=(True,) * len(STRUTS), last_frame=frame, duty=duty)
         return after, (Send(kind, _ALL, pulses_us, duration_ms),)
 
     def _permitted_advance_s(self, motion: Motion, elapsed_s: float, sent_m: np.ndarray) -> float:

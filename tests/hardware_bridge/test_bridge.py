@@ -13,9 +13,10 @@ import numpy as np
 import pytest
 
 from hardware_bridge.bridge import Bridge
-from hardware_bridge.checks import Rules
+from hardware_bridge.checks import Rules, check_frame
 from hardware_bridge.codecs.lsc import CMD_BATTERY, Move
 from hardware_bridge.errors import (
+    DutyError,
     FaultLatched,
     LeaseError,
     LimitError,
@@ -23,12 +24,14 @@ from hardware_bridge.errors import (
     PortBusy,
     PortMissing,
     PositionUnknown,
+    ShapeError,
     StateError,
     StateFileError,
+    SupplyError,
     TimeScaleError,
 )
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
-from hardware_bridge.limits import Pacing
+from hardware_bridge.limits import Limits, Pacing
 from hardware_bridge.protocol import Mode, Outcome
 from hardware_bridge.trajectory import Trajectory
 from tests.hardware_bridge.helpers import MID, MID_M, Wire, wait_for
@@ -461,18 +464,18 @@ def test_closing_in_motion_holds_and_ends(make_bridge: Make, wire: Wire) -> None
     bridge.close()
 
 
-def test_a_bug_while_sending_latches_and_holds_where_the_board_is(make_bridge: Make, wire: Wire, rules: Rules) -> None:
-    def broken(lengths_m: tuple[float, ...]) -> str | None:
-        if lengths_m[0] > 0.236 and threading.current_thread().name == "bridge frames":
+def test_a_bug_while_sending_latches_and_holds_where_the_board_is(
+    make_bridge: Make, wire: Wire, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(rules: Rules, struts: object, pulses_us: tuple[int, ...], *rest: object) -> None:
+        if pulses_us[0] > 1520:
             raise ZeroDivisionError
-        return None
 
-    bridge = make_bridge(wire.port, rules=replace(rules, shape_check=broken))
+    monkeypatch.setattr("hardware_bridge.engine.check_frame", broken)
+    bridge = make_bridge(wire.port)
     bridge.open()
     with armed(bridge) as lease:
-        # Knots only at the ends, so that the verdicts remembered from the acceptance are not of the frames' own shapes.
         handle = bridge.execute(Trajectory([0.977], [[MID_M + 0.01, *MID[1:]]]), lease)
-        bridge.rules.shape_check.cache_clear()  # type: ignore[attr-defined]
         assert handle.wait(20.0)
     assert bridge.snapshot().mode is Mode.FAULT
     assert "ZeroDivisionError" in bridge.snapshot().reason
@@ -481,17 +484,87 @@ def test_a_bug_while_sending_latches_and_holds_where_the_board_is(make_bridge: M
     assert hold.duration_ms == 20
 
 
-def test_a_bad_shape_between_judged_ones_holds_without_a_fault(make_bridge: Make, wire: Wire, rules: Rules) -> None:
-    def gap(lengths_m: tuple[float, ...]) -> str | None:
-        framed = threading.current_thread().name == "bridge frames"
-        return "thin ice" if framed and lengths_m[0] > 0.236 else None
+def test_a_frame_far_from_all_judged_shapes_holds_without_a_fault(
+    make_bridge: Make, wire: Wire, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def astray(rules: Rules, struts: object, pulses_us: tuple[int, ...], *rest: object) -> None:
+        if pulses_us[0] > 1520:
+            pulses_us = (*pulses_us[:5], pulses_us[5] - 10)
+        check_frame(rules, struts, pulses_us, *rest)  # type: ignore[arg-type]
 
-    bridge = make_bridge(wire.port, rules=replace(rules, shape_check=gap))
+    monkeypatch.setattr("hardware_bridge.engine.check_frame", astray)
+    bridge = make_bridge(wire.port)
     bridge.open()
     with armed(bridge) as lease:
         handle = bridge.execute(Trajectory([0.977], [[MID_M + 0.01, *MID[1:]]]), lease)
-        bridge.rules.shape_check.cache_clear()  # type: ignore[attr-defined]
         assert handle.wait(20.0)
         assert bridge.snapshot().mode is Mode.HOLD
-        assert "thin ice" in bridge.snapshot().reason
+        assert "nobody has judged it" in bridge.snapshot().reason
         assert max(move.pulses_us[0] for move in wire.moves()) <= 1520
+
+
+def test_the_frame_loop_never_waits_for_the_judge(make_bridge: Make, wire: Wire, rules: Rules) -> None:
+    judges: list[str] = []
+
+    def judge(lengths_m: tuple[float, ...]) -> str | None:
+        judges.append(threading.current_thread().name)
+        beat = bridge.snapshot().last_seq
+        wait_for(lambda: bridge.snapshot().last_seq > beat, "a heartbeat while a shape is judged")
+        return None
+
+    bridge = make_bridge(wire.port, rules=replace(rules, shape_check=judge))
+    bridge.open()
+    with armed(bridge) as lease:
+        bridge.execute(Trajectory([1.0], [[MID_M + 0.01, *MID[1:]]]), lease).wait(20.0)
+    assert judges == [threading.current_thread().name] * 11, "neutral, and ten shapes a mm apart"
+
+
+def test_homing_through_a_bad_shape_is_refused(make_bridge: Make, wire: Wire, rules: Rules) -> None:
+    bridge = make_bridge(wire.port, rules=replace(rules, shape_check=lambda shape: "thin ice" if shape[0] < 0.2 else None))
+    bridge.open()
+    with pytest.raises(ShapeError, match="thin ice"):
+        bridge.arm("test", True, (0.195, *MID[1:]))
+    assert bridge.snapshot().mode is Mode.DISARMED
+    assert not wire.moves()
+
+
+def test_only_the_holder_makes_the_judge_work(make_bridge: Make, wire: Wire, rules: Rules) -> None:
+    judged: list[tuple[float, ...]] = []
+    bridge = make_bridge(wire.port, rules=replace(rules, shape_check=judged.append))
+    bridge.open()
+    with armed(bridge):
+        before = len(judged)
+        with pytest.raises(LeaseError):
+            bridge.execute(there_and_back(), "stolen")
+        assert len(judged) == before
+
+
+# ---- duty and supply ------------------------------------------------------------------------------------------------
+
+
+def test_a_spent_duty_budget_refuses_the_way_out_and_not_the_way_back(make_bridge: Make, wire: Wire, rules: Rules) -> None:
+    tight = replace(rules, limits=Limits(duty_window_s=10.0))
+    bridge = make_bridge(wire.port, rules=tight)
+    bridge.open()
+    with armed(bridge) as lease:
+        assert bridge.snapshot().duty_left_s == pytest.approx(2.0)
+        assert bridge.execute(Trajectory([1.6], [[MID_M + 0.02, *MID[1:]]]), lease).wait(20.0)
+        with pytest.raises(DutyError, match=r"S1: has run 1\.\d s of the last 10 s .* the limit is 2 s; wait \d+ s") as caught:
+            bridge.execute(Trajectory([1.0], [[MID_M + 0.03, *MID[1:]]]), lease)
+        assert caught.value.wait_s is not None
+        assert 6.0 < caught.value.wait_s < 11.0
+        assert bridge.execute(Trajectory([1.6], [MID]), lease).wait(20.0)
+        assert bridge.snapshot().duty_left_s == 0.0
+
+
+def test_a_low_supply_refuses_the_way_out_and_not_the_way_back(make_bridge: Make, rules: Rules) -> None:
+    wire = Wire(answers=True)
+    bridge = make_bridge(wire.port, rules=replace(rules, limits=Limits(supply_low_v=7.5)), liveness_period_s=0.05)
+    bridge.open()
+    with armed(bridge) as lease:
+        wait_for(lambda: bool(wire.listen()) and bridge.snapshot().battery_mv == 7400, "the board's answer")
+        with pytest.raises(SupplyError, match=r"servo supply is 7\.40 V, the limit is 7\.5 V"):
+            bridge.execute(one_step(), lease)
+        assert bridge.execute(Trajectory([0.1], [MID]), lease).wait(20.0)
+    bridge.close()
+    wire.cut()

@@ -11,6 +11,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from hardware_bridge.calibration import load_calibration
 from hardware_bridge.checks import Rules
+from hardware_bridge.duty import returns
 from hardware_bridge.errors import TrajectoryError
 from hardware_bridge.limits import Limits, Pacing
 from hardware_bridge.protocol import (
@@ -31,6 +32,7 @@ from hardware_bridge.protocol import (
     Send,
     State,
     Stop,
+    Supply,
     Tick,
 )
 from hardware_bridge.supervisor import Supervisor
@@ -39,6 +41,8 @@ from hardware_bridge.trajectory import Trajectory
 MID_M = 0.234
 SPREAD_M = 0.07
 SILENCE_S = 1.0
+WINDOW_S, BUDGET_S = 30.0, 6.0
+LOW_MV = 6400
 
 
 def shape(lengths_m: tuple[float, ...]) -> str | None:
@@ -49,7 +53,12 @@ CALIBRATION = load_calibration()
 CALIBRATION = replace(
     CALIBRATION, struts=(replace(CALIBRATION.struts[0], direction=-1, us_per_mm=7.3, trim_us=17), *CALIBRATION.struts[1:])
 )
-RULES = Rules(CALIBRATION, Limits(), Pacing(energise_pause_s=0.1, homing_speed_m_s=0.02), shape)
+RULES = Rules(
+    CALIBRATION,
+    Limits(duty_window_s=WINDOW_S, duty_fraction=BUDGET_S / WINDOW_S),
+    Pacing(energise_pause_s=0.1, homing_speed_m_s=0.02),
+    shape,
+)
 
 tokens = st.sampled_from(["a", "b", "c", ""])
 lengths = st.floats(0.18, 0.29) | st.sampled_from([0.189, 0.279, 0.184, 0.284, 0.234])
@@ -69,6 +78,8 @@ class AnySequence(RuleBasedStateMachine):
         self.board: list[int | None] = [None] * 6  # pulse that each strut has been sent, as a board would know it
         self.accepted = False
         self.homed_alone: set[int] = set()
+        self.ran: list[tuple[float, np.ndarray]] = []  # when which struts were sent somewhere else
+        self.supply_mv: int | None = None
 
     @initialize(known=st.booleans(), spread=st.integers(0, 400))
     def record(self, known: bool, spread: int) -> None:
@@ -182,6 +193,15 @@ class AnySequence(RuleBasedStateMachine):
                 self.feed(Prove(self.current))
             self.feed(Tick())
 
+    @rule(millivolts=st.sampled_from([None, 7400, 7400, 6399]))
+    def supply(self, millivolts: int | None) -> None:
+        self.supply_mv = millivolts
+        assert self.feed(Supply(millivolts)) == ()
+
+    @rule(seconds=st.floats(1.0, 40.0))
+    def rest(self, seconds: float) -> None:
+        self.live(round(seconds / 0.05))
+
     # ---- what must hold ---------------------------------------------------------------------------------------------
 
     def execute(self, token: str, age_s: float, times: list[float], ends: list[tuple[float, ...]]) -> None:
@@ -202,6 +222,16 @@ class AnySequence(RuleBasedStateMachine):
             speeds = np.abs(np.diff(knots, axis=0)) / np.diff([0.0, *times])[:, None]
             assert speeds.max() <= 0.02 + 2e-4 / min(np.diff([0.0, *times]))
             assert (knots.max(axis=1) - knots.min(axis=1)).max() <= SPREAD_M + 2e-4
+            self.judge_strength(Trajectory([0.0, *times], knots))
+
+    def judge_strength(self, path: Trajectory) -> None:
+        """An accepted motion that loads the struts: the supply is not low, and no strut will have run too long."""
+        if returns(path, MID_M, max(strut.quantum_m for strut in CALIBRATION.struts)):
+            return
+        assert self.supply_mv is None or self.supply_mv >= LOW_MV
+        used_s = sum((0.05 * moved for at_s, moved in self.ran if at_s > self.time_s - WINDOW_S), np.zeros(6))
+        needs_s = ((np.abs(np.diff(path.lengths_m, axis=0)) > 0) * np.diff(path.times_s)[:, None]).sum(axis=0)
+        assert (used_s + needs_s).max() <= BUDGET_S + 1e-6
 
     def feed(self, event: Event) -> tuple[object, ...]:
         before = self.state
@@ -249,6 +279,7 @@ class AnySequence(RuleBasedStateMachine):
             assert changes[index] <= 0.02 * send.duration_ms * 1e-3 + strut.quantum_m + 1e-9
             if self.board[index] is not None and send.kind is not Kind.ENERGISE:
                 assert known[index] == self.board[index], "the record is what the board was sent"
+        self.ran.append((self.time_s, changes > 0.0))
         if send.kind in (Kind.ENERGISE, Kind.HOLD):
             assert not changes.any()
         if send.kind is Kind.ENERGISE:

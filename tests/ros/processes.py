@@ -52,6 +52,11 @@ class Process:
         return self._log.read_text(encoding="utf-8", errors="replace")
 
     @property
+    def pid(self) -> int:
+        """Its process."""
+        return self._child.pid
+
+    @property
     def code(self) -> int | None:
         """Its exit code; None while it runs."""
         return self._child.poll()
@@ -89,10 +94,16 @@ class Processes:
         }
         self._started: list[Process] = []
 
-    def start(self, name: str, *words: str, **parameters: object) -> Process:
-        """Start an executable with arguments, or a node with parameters."""
+    def start(self, name: str, *words: str, environ: dict[str, str] | None = None, **parameters: object) -> Process:
+        """Start an executable with arguments, or a node with parameters; `environ` is added to the environment."""
         given = [word for key, value in parameters.items() for word in ("-p", f"{key}:={_text(value)}")]
-        process = Process(name, *words, *(["--ros-args", *given] if given else []), folder=self.folder, environ=self._environ)
+        process = Process(
+            name,
+            *words,
+            *(["--ros-args", *given] if given else []),
+            folder=self.folder,
+            environ={**self._environ, **(environ or {})},
+        )
         self._started.append(process)
         return process
 

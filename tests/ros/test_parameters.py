@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from tensegrity_robot.bridge_parameters import BridgeParameters
 from tensegrity_robot.gait_planner_node import PlannerParameters
-from tensegrity_robot.hardware_bridge_node import BridgeParameters
 from tensegrity_robot.twin_node import TwinParameters
 
 CONFIG = Path(__file__).parents[2] / "ros_ws" / "src" / "tensegrity_robot" / "config"

@@ -237,9 +237,9 @@ def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):
     robot.moves(handle, 0.002)
     planner = next(process for process in stack._started if process.name == "gait_planner")
     planner.signal(signal.SIGTERM)
-    assert planner.ends() == 0
     wait_until(lambda: robot.bridge.state == BridgeState.HOLD, 0.9, "HOLD before the lease falls silent")
     assert robot.bridge.reason == "cancelled by its commander"
+    assert planner.ends() == 0
     stack.start("gait_planner", settle_timeout_s=200.0).says("library robust")
 
 

@@ -16,7 +16,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
         (f"share/{package_name}/launch", sorted(glob("launch/*.launch.py"))),
-        (f"share/{package_name}/config", sorted(glob("config/*.yaml"))),
+        (f"share/{package_name}/config", sorted([*glob("config/*.yaml"), *glob("config/*.xml")])),
         (f"share/{package_name}/rviz", sorted(glob("rviz/*"))),
     ],
     install_requires=["setuptools"],

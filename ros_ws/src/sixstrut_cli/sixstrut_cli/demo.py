@@ -30,6 +30,10 @@ from sixstrut_cli.replaying import replay
 from sixstrut_cli.route import next_face, walk
 from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
 
+ROLL_RUNS_S = 10.0
+"""Robot time that a strut runs in a roll, at most: 45 mm there and back."""
+LONGEST_REST_S = 700.0
+"""Robot time after which the bridge's duty window is past."""
 ROLL_LIMIT_S = 90.0
 """Robot time that one roll may take, both motions and both settlings."""
 MISSES_ALLOWED = 3
@@ -166,6 +170,9 @@ class _Demo:
             on_route = here == route[self.done] and not misses
             target = route[self.done + 1] if on_route else next_face(here, before, used, self.mirrors == 0, rng)
             element = carrier(here, target)
+            if operator.bridge.duty_left_s < ROLL_RUNS_S:
+                with self.console.status("resting: the actuators have run as long as their duty cycle permits"):
+                    operator.wait_for_duty(ROLL_RUNS_S, 30.0 + LONGEST_REST_S / plan.time_scale)
             result = self._roll(operator, target)
             self.tries += 1
             used.add(GROUP.index(element))

@@ -6,6 +6,10 @@ from hardware_bridge.errors import BridgeError
 from sim_core.errors import SimError
 
 
+class KeyboardMissing(BridgeError):
+    """A command that asks for keys was started where nobody can press them."""
+
+
 class StackError(BridgeError):
     """The stack did not come up, or a part of it died."""
 

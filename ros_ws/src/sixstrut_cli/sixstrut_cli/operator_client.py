@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -21,6 +22,7 @@ from sixstrut_cli.stack import Stack, wait_until
 from tensegrity_interfaces.action import Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm
+from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
 DISCOVERY_LIMIT_S = 30.0
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -35,6 +37,7 @@ class Operator:
 
     def __init__(self, stack: Stack):
         self._stack = stack
+        os.environ.update(discovery_changes(os.environ, loopback_profile()))
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node("sixstrut_operator")
         self.bridge: Any = None
@@ -98,6 +101,10 @@ class Operator:
         )
         if self.bridge.state != BridgeState.ARMED:
             raise StackError(f"homing ended in {self.bridge.state}: {self.bridge.reason}")
+
+    def wait_for_duty(self, needed_s: float, limit_s: float) -> None:
+        """Until every strut may run for `needed_s` of robot time again."""
+        wait_until(lambda: self.bridge.duty_left_s >= needed_s, limit_s, "the actuators' rest", self._stack)
 
     def disarm(self) -> None:
         """Give the lease back; says nothing if nobody holds it."""

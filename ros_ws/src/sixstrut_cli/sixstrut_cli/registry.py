@@ -22,6 +22,8 @@ _ALL = (
     Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "recheck"),
     Entry("replay", "Step the twin through a recorded session and compare.", "replay"),
     Entry("prototype", "Run the virtual prototype alone, behind a serial port.", "prototype"),
+    Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "calibrate"),
+    Entry("doctor", "Check port, pairing, calibration, disk and versions; say how to mend each.", "doctor"),
     Entry("parameters", "Show the parameters of robot and model, with their sources.", "parameters"),
     Entry("calibrate-model", "Scale the ropes until the first natural frequency is the given one.", "calibrate_model"),
     Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "bench"),

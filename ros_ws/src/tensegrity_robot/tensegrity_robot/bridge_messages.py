@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import PoseArray
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
@@ -65,6 +62,7 @@ def bridge_state(snapshot: Snapshot, bag: str, stamp: Time) -> BridgeState:
         frames_sent=snapshot.frames_sent,
         write_errors=snapshot.write_errors,
         battery_v=math.nan if snapshot.battery_mv is None else snapshot.battery_mv / 1e3,
+        duty_left_s=snapshot.duty_left_s,
     )
 
 
@@ -72,7 +70,7 @@ def no_bridge_state(reason: str, stamp: Time) -> BridgeState:
     """The bridge without a port."""
     state = BridgeState(header=Header(stamp=stamp), state=BridgeState.DISARMED, reason=reason, time_scale=1.0)
     state.length_m = [math.nan] * 6
-    state.battery_v = math.nan
+    state.battery_v = state.duty_left_s = math.nan
     return state
 
 
@@ -85,80 +83,3 @@ def trajectory_of(message: JointTrajectory) -> Trajectory:
     """The bridge's trajectory. Raises TrajectoryError."""
     times = [point.time_from_start.sec + point.time_from_start.nanosec * 1e-9 for point in message.points]
     return Trajectory.from_names(list(message.joint_names), times, [list(point.positions) for point in message.points])
-
-
-# ---- diagnostics ----------------------------------------------------------------------------------------------------
-
-OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
-
-
-class LogFacts(NamedTuple):
-    """A bag as diagnostics tell it; `most_waiting`: messages that ever waited for the disk at once."""
-
-    path: str
-    messages: int
-    most_waiting: int
-    fault: str
-
-
-def diagnostics(
-    node: str, snapshot: Snapshot | None, log: LogFacts | None, observer: bool | None, hint: str, stamp: Time
-) -> DiagnosticArray:
-    """What is well and what is not, with names as REP 107 asks: "node: what".
-
-    Args:
-        log: of the bag; None: not recording.
-        observer: whether the observer is there; None: none is expected.
-        hint: what to do while there is no bridge.
-    """
-    if snapshot is None:
-        return DiagnosticArray(header=Header(stamp=stamp), status=[_status(f"{node}: link", STALE, hint, "", ())])
-    port = snapshot.port
-    statuses = [
-        _link(node, snapshot),
-        _supervisor(node, snapshot),
-        _status(
-            f"{node}: frames",
-            WARN if snapshot.congested_periods else OK,
-            "the port held back frames" if snapshot.congested_periods else "on time",
-            port,
-            (("late periods", snapshot.late_periods), ("congested periods", snapshot.congested_periods)),
-        ),
-        _log(node, log, port),
-    ]
-    if observer is not None:
-        told = "is there" if observer else "is not there: faces are only predicted"
-        statuses.append(_status(f"{node}: observer", OK if observer else WARN, told, port, ()))
-    return DiagnosticArray(header=Header(stamp=stamp), status=statuses)
-
-
-def _link(node: str, snapshot: Snapshot) -> DiagnosticStatus:
-    battery = "not known" if snapshot.battery_mv is None else f"{snapshot.battery_mv / 1e3:.2f}"
-    values = (
-        ("port", snapshot.port),
-        ("virtual", snapshot.virtual_port),
-        ("frames sent", snapshot.frames_sent),
-        ("write errors", snapshot.write_errors),
-        ("servo supply [V]", battery),
-    )
-    told = "open" if snapshot.link_ok else "lost: check power and link, then reset"
-    return _status(f"{node}: link", OK if snapshot.link_ok else ERROR, told, snapshot.port, values)
-
-
-def _supervisor(node: str, snapshot: Snapshot) -> DiagnosticStatus:
-    level = {BridgeState.FAULT: ERROR, BridgeState.HOLD: WARN}.get(str(snapshot.mode), OK)
-    told = f"{snapshot.mode}: {snapshot.reason}" if snapshot.reason else str(snapshot.mode)
-    values = (("lease holder", snapshot.lease_holder or "nobody"), ("homed", snapshot.homed), ("moving", snapshot.moving))
-    return _status(f"{node}: supervisor", level, told, snapshot.port, values)
-
-
-def _log(node: str, log: LogFacts | None, port: str) -> DiagnosticStatus:
-    if log is None:
-        return _status(f"{node}: log", OK, "not recording", port, ())
-    values = (("bag", log.path), ("messages", log.messages), ("most waiting", log.most_waiting))
-    return _status(f"{node}: log", ERROR if log.fault else OK, log.fault or "growing", port, values)
-
-
-def _status(name: str, level: bytes, told: str, hardware: str, values: Sequence[tuple[str, object]]) -> DiagnosticStatus:
-    pairs = [KeyValue(key=key, value=str(value)) for key, value in values]
-    return DiagnosticStatus(level=level, name=name, message=told, hardware_id=hardware, values=pairs)

@@ -47,6 +47,8 @@ SILENT_S = 3.0
 FRESH_S = 1.5
 CALL_TIMEOUT_S = 3.0
 """Longest wait for an answer of the bridge."""
+JUDGING_LIMIT_S = 30.0
+"""How much longer the bridge may take to answer `arm`: just started, it loads its judge of shapes first."""
 CALL_POLL_S = 0.05
 LONG_AGO = -1
 """Robot time of what was seen under an earlier bridge."""
@@ -243,7 +245,7 @@ class GaitPlannerNode(Node):
     async def _on_arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
         if not request.holder:
             request.holder = self.get_fully_qualified_name().lstrip("/")
-        answer = await self._call(self._bridge_arm, request)
+        answer = await self._call(self._bridge_arm, request, JUDGING_LIMIT_S)
         if answer is None:
             response.message = "the hardware bridge did not answer: start it (ros2 run tensegrity_robot hardware_bridge)"
             return response
@@ -269,8 +271,8 @@ class GaitPlannerNode(Node):
             self._look()
         return answer
 
-    async def _call(self, client: Any, request: Any) -> Any:
-        """The answer of a service of the bridge, or None after `CALL_TIMEOUT_S`.
+    async def _call(self, client: Any, request: Any, patience_s: float = 0.0) -> Any:
+        """The answer of a service of the bridge, or None after `CALL_TIMEOUT_S`; once asked, after `patience_s` more.
 
         Asked as soon as the bridge itself is heard: a service also seems ready for seconds after its bridge was killed.
         """
@@ -281,7 +283,7 @@ class GaitPlannerNode(Node):
         def attend() -> None:
             if answered.done():
                 return
-            if time.monotonic() > until:
+            if time.monotonic() > until + (patience_s if asked else 0.0):
                 answered.set_result(None)
             elif not asked and client.service_is_ready() and time.monotonic() - self._bridge_heard < FRESH_S:
                 asked.append(client.call_async(request))

@@ -18,6 +18,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from tensegrity_robot.discovery import discovery_changes, loopback_profile
 from tensegrity_robot.errors import StartError
 
 End = Callable[[int], None]
@@ -49,9 +50,7 @@ def run(make_node: Callable[[End], RunnableNode], args: list[str] | None = None)
     The executor has a thread of its own; the main thread only waits for the end. A signal therefore interrupts no callback, and a
     second one disturbs no clean-up.
     """
-    # Fast DDS's shared memory holds locks that all its users wait for: a process killed at the wrong moment would leave the bridge
-    # waiting for ever. Over UDP nobody's death concerns another.
-    os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+    os.environ.update(discovery_changes(os.environ, loopback_profile()))
     ends: SimpleQueue[int] = SimpleQueue()  # its put may be called from a signal handler
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ends.put(0))

@@ -1,0 +1,40 @@
+"""How long things took lately, as percentiles."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import NamedTuple
+
+import numpy as np
+
+KEPT = 1200
+"""A minute of frames."""
+
+
+class Percentiles(NamedTuple):
+    """In [s]; all 0 while nothing was measured."""
+
+    median_s: float = 0.0
+    p95_s: float = 0.0
+    p99_s: float = 0.0
+    largest_s: float = 0.0
+
+
+NOTHING_MEASURED = Percentiles()
+
+
+class Latency:
+    """The last ``KEPT`` durations. Not for several threads at once."""
+
+    def __init__(self) -> None:
+        self._durations_s: deque[float] = deque(maxlen=KEPT)
+
+    def add(self, duration_s: float) -> None:
+        """One more, in [s]."""
+        self._durations_s.append(duration_s)
+
+    def percentiles(self) -> Percentiles:
+        """Of what is kept."""
+        if not self._durations_s:
+            return NOTHING_MEASURED
+        return Percentiles(*map(float, np.percentile(self._durations_s, (50, 95, 99, 100))))

@@ -1,0 +1,125 @@
+"""The bridge's health in words, for `/diagnostics`: names as REP 107 asks, "node: what"."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from builtin_interfaces.msg import Time
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from std_msgs.msg import Header
+
+from hardware_bridge.events import Snapshot
+from tensegrity_interfaces.msg import BridgeState
+
+OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+
+SLOW_WRITE_S = 0.02
+"""A frame of six servos lasts 26 ms at 9600 baud; handing it over must be much quicker than that, or frames will be late."""
+
+
+class LogFacts(NamedTuple):
+    """A bag as diagnostics tell it; `most_waiting`: messages that ever waited for the disk at once."""
+
+    path: str
+    messages: int
+    most_waiting: int
+    fault: str
+
+
+def diagnostics(
+    node: str, snapshot: Snapshot | None, log: LogFacts | None, observer: bool | None, hint: str, stamp: Time
+) -> DiagnosticArray:
+    """What is well and what is not.
+
+    Args:
+        log: of the bag; None: not recording.
+        observer: whether the observer is there; None: none is expected.
+        hint: what to do while there is no bridge.
+    """
+    if snapshot is None:
+        return DiagnosticArray(header=Header(stamp=stamp), status=[_status(f"{node}: link", STALE, hint, "", ())])
+    statuses = [
+        _link(node, snapshot),
+        _supervisor(node, snapshot),
+        _frames(node, snapshot),
+        _duty(node, snapshot),
+        _supply(node, snapshot),
+        _board(node, snapshot),
+        _log(node, log, snapshot.port),
+    ]
+    if observer is not None:
+        told = "is there" if observer else "is not there: faces are only predicted"
+        statuses.append(_status(f"{node}: observer", OK if observer else WARN, told, snapshot.port, ()))
+    return DiagnosticArray(header=Header(stamp=stamp), status=statuses)
+
+
+def _link(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+    latency = snapshot.write_latency
+    level, told = OK, "open"
+    if not snapshot.link_ok:
+        level, told = ERROR, "lost: check power and link, then reset"
+    elif latency.p99_s > SLOW_WRITE_S:
+        level, told = WARN, f"slow: one frame in a hundred takes {latency.p99_s * 1e3:.0f} ms to hand over; check Bluetooth's range"
+    values = (
+        ("port", snapshot.port),
+        ("virtual", snapshot.virtual_port),
+        ("frames sent", snapshot.frames_sent),
+        ("write errors", snapshot.write_errors),
+        ("times opened again", snapshot.reopened),
+        ("latency of writes, median [ms]", f"{latency.median_s * 1e3:.2f}"),
+        ("latency of writes, 95 % [ms]", f"{latency.p95_s * 1e3:.2f}"),
+        ("latency of writes, 99 % [ms]", f"{latency.p99_s * 1e3:.2f}"),
+        ("latency of writes, largest [ms]", f"{latency.largest_s * 1e3:.2f}"),
+    )
+    return _status(f"{node}: link", level, told, snapshot.port, values)
+
+
+def _supervisor(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+    level = {BridgeState.FAULT: ERROR, BridgeState.HOLD: WARN}.get(str(snapshot.mode), OK)
+    told = f"{snapshot.mode}: {snapshot.reason}" if snapshot.reason else str(snapshot.mode)
+    values = (("lease holder", snapshot.lease_holder or "nobody"), ("homed", snapshot.homed), ("moving", snapshot.moving))
+    return _status(f"{node}: supervisor", level, told, snapshot.port, values)
+
+
+def _frames(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+    level = WARN if snapshot.congested_periods else OK
+    told = "the port held back frames" if snapshot.congested_periods else "on time"
+    values = (("late periods", snapshot.late_periods), ("congested periods", snapshot.congested_periods))
+    return _status(f"{node}: frames", level, told, snapshot.port, values)
+
+
+def _duty(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+    left_s, limit_s = snapshot.duty_left_s, snapshot.duty_limit_s
+    spent = left_s <= 0.1 * limit_s
+    told = "nearly spent: let the actuators rest" if spent else "enough left"
+    values = (("duty left [s]", f"{left_s:.1f}"), ("duty budget [s]", f"{limit_s:g}"))
+    return _status(f"{node}: duty", WARN if spent else OK, told, snapshot.port, values)
+
+
+def _supply(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+    if snapshot.battery_mv is None:
+        return _status(f"{node}: battery", OK, "the board has not told its supply", snapshot.port, ())
+    supply_v = snapshot.battery_mv * 1e-3
+    low = supply_v < snapshot.supply_low_v
+    told = f"low: {supply_v:.2f} V, no gait below {snapshot.supply_low_v:g} V; charge it" if low else f"{supply_v:.2f} V"
+    values = (("servo supply [V]", f"{supply_v:.2f}"), ("limit [V]", f"{snapshot.supply_low_v:g}"))
+    return _status(f"{node}: battery", WARN if low else OK, told, snapshot.port, values)
+
+
+def _board(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+    errors = snapshot.board_errors
+    told = "; ".join(errors) if errors else "has told no error"
+    return _status(f"{node}: board", ERROR if errors else OK, told, snapshot.port, (("errors", len(errors)),))
+
+
+def _log(node: str, log: LogFacts | None, port: str) -> DiagnosticStatus:
+    if log is None:
+        return _status(f"{node}: log", OK, "not recording", port, ())
+    values = (("bag", log.path), ("messages", log.messages), ("most waiting", log.most_waiting))
+    return _status(f"{node}: log", ERROR if log.fault else OK, log.fault or "growing", port, values)
+
+
+def _status(name: str, level: bytes, told: str, hardware: str, values: Sequence[tuple[str, object]]) -> DiagnosticStatus:
+    pairs = [KeyValue(key=key, value=str(value)) for key, value in values]
+    return DiagnosticStatus(level=level, name=name, message=told, hardware_id=hardware, values=pairs)

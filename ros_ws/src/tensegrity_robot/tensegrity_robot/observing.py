@@ -1,0 +1,94 @@
+"""An observer of the robot, behind a Unix socket, as the bridge's node uses it: faces into the stream, joints for viewers."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from geometry_msgs.msg import PoseArray
+from rclpy.lifecycle import LifecycleNode
+from std_msgs.msg import Header
+
+from hardware_bridge.bridge import Bridge
+from hardware_bridge.errors import BridgeError, StateError
+from hardware_bridge.events import Snapshot
+from hardware_bridge.observation import Observation
+from hardware_bridge.observer_client import ObserverClient
+from sim_core.structure import STRUTS
+from tensegrity_interfaces.msg import FaceObservation
+from tensegrity_robot import bridge_messages, qos
+from tensegrity_robot.filters import ObservationFilter
+from tensegrity_robot.recorded_topics import RecordedTopics
+
+OBSERVED_PERIOD_S = 0.04
+"""Wall time between published observations of joints; a fast virtual prototype makes more of them."""
+
+
+class Observing:
+    """Follows one observer at a time. Its callbacks come in the observer's own thread.
+
+    Attributes:
+        there: whether the observer is; None: none is expected.
+    """
+
+    def __init__(self, node: LifecycleNode, topics: RecordedTopics, frame: str):
+        """Args: frame: of observed joints."""
+        self._node = node
+        self._topics = topics
+        self._frame = frame
+        self._observed = topics.publisher(PoseArray, "bridge/observed_joints", qos.STATES)
+        self._news = ObservationFilter()
+        self._client: ObserverClient | None = None
+        self._bridge: Bridge | None = None
+        self._source = FaceObservation.SOURCE_EXTERNAL
+        self._lengths_m: tuple[float, ...] | None = None
+        self._published_s = 0.0
+        self.there: bool | None = None
+
+    def begin(self, bridge: Bridge, given: str) -> None:
+        """Follow the observer that was given, else the virtual prototype's own, if there is one."""
+        self._news, self._lengths_m, self._bridge = ObservationFilter(), None, bridge
+        self._source = FaceObservation.SOURCE_EXTERNAL if given else FaceObservation.SOURCE_PROTOTYPE
+        path = given or bridge.observer
+        if path:
+            self.there = False
+            self._client = ObserverClient(path, self._on_observation, self._on_observer)
+
+    def end(self) -> None:
+        """Leave the observer."""
+        client, self._client, self._bridge, self.there = self._client, None, None, None
+        if client is not None:
+            client.close()
+
+    def moved(self) -> None:
+        """The struts were sent somewhere: the next face is news."""
+        self._news.moved()
+
+    def unknown_lengths_m(self, snapshot: Snapshot) -> list[float | None] | None:
+        """For struts whose length nobody knows: as the observer sees them, if there is one."""
+        seen = self._lengths_m
+        if all(snapshot.known) or seen is None or not self.there:
+            return None
+        return [None if known else length for known, length in zip(snapshot.known, seen, strict=True)]
+
+    def _on_observation(self, observation: Observation) -> None:
+        bridge = self._bridge
+        if bridge is None:
+            return
+        ends = np.array(STRUTS)
+        ways_m = observation.joints_m[ends[:, 1]] - observation.joints_m[ends[:, 0]]
+        self._lengths_m = tuple(float(length) for length in np.linalg.norm(ways_m, axis=1))
+        if self._news.is_news(observation.face, observation.settled):
+            try:
+                bridge.observe_face(observation.face or "", self._source, observation.settled, observation.detail)
+            except StateError:
+                return  # closed in the meantime
+            except BridgeError as error:
+                self._node.get_logger().warning(f"observation not used: {error}", throttle_duration_sec=5.0)
+        if time.monotonic() - self._published_s >= OBSERVED_PERIOD_S:
+            self._published_s = time.monotonic()
+            header = Header(stamp=self._node.get_clock().now().to_msg(), frame_id=self._frame)
+            self._topics.publish(self._observed, bridge_messages.observed_joints(observation, header))
+
+    def _on_observer(self, there: bool) -> None:
+        self.there = there

@@ -1,0 +1,102 @@
+"""One commander at a time, and none of them is a bag."""
+
+from __future__ import annotations
+
+import importlib
+from pathlib import Path
+
+import pytest
+
+from tensegrity_interfaces.msg import BridgeState, LeaseProof
+from tensegrity_interfaces.srv import Arm, Disarm
+from tests.ros.client import Operator
+from tests.ros.processes import wait_until
+
+pytestmark = pytest.mark.ros
+
+MID = [0.234] * 6
+EXAMPLE = Path(__file__).parents[2] / "bags" / "example.mcap"
+
+
+@pytest.fixture
+def armed(processes, operator):
+    """The operator, holding the lease of an armed bridge on the virtual prototype."""
+    processes.start("virtual_prototype", "--time-scale", "8").says("ready")
+    processes.start("hardware_bridge", record=False).says("DISARMED, nothing moves")
+    answer = operator.call("bridge/arm", Arm.Request(holder="first", lifted_and_clear=True, confirmed_lengths_m=MID))
+    assert answer.success, answer.message
+    operator.lease = answer.lease
+    wait_until(lambda: operator.bridge is not None and operator.bridge.state == BridgeState.ARMED, 30.0, "ARMED")
+    return operator
+
+
+@pytest.fixture
+def second(domain):
+    operator = Operator(domain)
+    yield operator
+    operator.close()
+
+
+def message_type(name):
+    """The class of `package/msg/Name`."""
+    package, _, kind = name.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), kind)
+
+
+def frames(operator):
+    return [message for message in operator.sent if not message.heartbeat]
+
+
+def test_a_second_commander_is_refused_while_one_is_active(armed, second):
+    refused = second.call("bridge/arm", Arm.Request(holder="second", lifted_and_clear=True, confirmed_lengths_m=MID))
+    assert not refused.success
+    assert "first holds the lease; disarm first" in refused.message
+    assert "first holds another one" in second.call("bridge/disarm", Disarm.Request(lease="guessed")).message
+    moved = len(frames(armed))
+    result = second.move((1.0, [0.240, *MID[1:]]), lease="guessed")
+    assert not result.success
+    assert "first holds another one" in result.reason
+    assert len(frames(armed)) == moved
+    assert armed.move((1.0, [0.240, *MID[1:]]), lease=armed.lease).success
+    assert armed.bridge.lease_holder == "first"
+
+
+def test_after_the_first_has_gone_silent_the_second_may_arm(armed, second):
+    armed.lease = ""
+    wait_until(lambda: armed.bridge.state == BridgeState.HOLD, 10.0, "HOLD")
+    answer = second.call("bridge/arm", Arm.Request(holder="second", lifted_and_clear=True))
+    assert answer.success, answer.message
+
+
+def test_playing_a_bag_beside_an_armed_bridge_moves_nothing(armed, second):
+    from mcap.reader import make_reader
+
+    publishers, played = {}, 0
+    with EXAMPLE.open("rb") as file:
+        reader = make_reader(file)
+        for channel in reader.get_summary().channels.values():
+            schema = reader.get_summary().schemas[channel.schema_id]
+            publishers[channel.topic] = second.node.create_publisher(message_type(schema.name), channel.topic, 100)
+        assert publishers
+        assert all(topic.startswith("/recorded/") for topic in publishers)
+        before, seq = len(frames(armed)), armed.sent[-1].seq
+        for _, channel, message in reader.iter_messages():
+            publishers[channel.topic].publish(message.data)
+            played += 1
+    assert played > 1000
+    wait_until(lambda: armed.sent[-1].seq > seq + 40, 20.0, "the bridge's heartbeats")
+    assert len(frames(armed)) == before
+    assert armed.bridge.state == BridgeState.ARMED
+    assert armed.bridge.lease_holder == "first"
+    for publisher in publishers.values():  # nobody but viewers would even listen
+        assert publisher.get_subscription_count() == 0
+
+
+def test_a_proof_of_another_lease_keeps_nobody_alive(armed, second):
+    proofs = second.node.create_publisher(LeaseProof, "bridge/lease", 10)
+    timer = second.node.create_timer(0.1, lambda: proofs.publish(LeaseProof(lease="guessed")))
+    wait_until(lambda: proofs.get_subscription_count() > 0, 20.0, "the bridge's ear")
+    armed.lease = ""
+    wait_until(lambda: armed.bridge.state == BridgeState.HOLD, 10.0, "HOLD")
+    assert "first was silent" in armed.bridge.reason
+    timer.cancel()

@@ -1,0 +1,54 @@
+"""The real judge of shapes behind the real node."""
+
+from __future__ import annotations
+
+import time
+
+import pytest
+
+from tensegrity_interfaces.msg import BridgeState
+from tensegrity_interfaces.srv import Arm
+from tests.ros.processes import wait_until
+
+pytestmark = pytest.mark.ros
+
+MID = [0.234] * 6
+
+
+@pytest.fixture
+def armed(processes, operator):
+    processes.start("virtual_prototype", "--time-scale", "8").says("ready")
+    processes.start("hardware_bridge", record=False).says("DISARMED, nothing moves")
+    answer = operator.call("bridge/arm", Arm.Request(holder="test", lifted_and_clear=True, confirmed_lengths_m=MID))
+    assert answer.success, answer.message
+    operator.lease = answer.lease
+    wait_until(lambda: operator.bridge is not None and operator.bridge.state == BridgeState.ARMED, 30.0, "ARMED")
+    return operator
+
+
+def moved(operator):
+    return sum(not message.heartbeat for message in operator.sent)
+
+
+def test_a_shape_that_the_structure_must_not_take_is_refused_whole(armed):
+    before = moved(armed)
+    result = armed.move((3.0, [0.189] * 6), lease=armed.lease)
+    assert not result.success
+    assert "is not permitted: 24 tendons are slack (T1, T2" in result.reason
+    assert "the limit is 6" in result.reason
+    assert moved(armed) == before
+    assert armed.bridge.state == BridgeState.ARMED
+
+
+def test_stop_does_not_wait_for_the_judge_and_what_was_judged_is_refused(armed):
+    before = moved(armed)
+    zigzag = [(5.0 * knot, [0.234 + (0.03 if knot % 2 else -0.03), *MID[1:5], 0.234 + 0.002 * knot]) for knot in range(1, 13)]
+    goal = armed.begin_motion(*zigzag, lease=armed.lease)
+    begun = time.monotonic()
+    assert armed.trigger("stop").success
+    assert time.monotonic() - begun < 1.0, "to judge 700 shapes takes longer"
+    wait_until(lambda: armed.bridge.state == BridgeState.FAULT, 10.0, "the fault")
+    result = armed.end(goal).result
+    assert not result.success
+    assert "stop pressed" in result.reason
+    assert moved(armed) <= before + 1, "the hold, and nothing that moves"

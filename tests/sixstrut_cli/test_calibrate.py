@@ -1,0 +1,132 @@
+"""Calibrating as a person does it: at a real terminal, with the virtual prototype's struts to look at."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from hardware_bridge.calibration import load_calibration
+from hardware_bridge.calibration_file import Unfinished
+from tests.sixstrut_cli.terminal import CTRL_C, DOWN, ENTER, LEFT, PAGE_DOWN, PAGE_UP, RIGHT, UP, Terminal
+
+WORDS = ("--virtual", "--time-scale", "6")
+
+
+@pytest.fixture
+def sit_down(tmp_path):
+    """Starts `calibrate` at a terminal, as often as wanted."""
+    terminals = []
+
+    def start(*words):
+        environ = {"SIXSTRUT_STATE_DIR": str(tmp_path / "state")}
+        terminals.append(Terminal("calibrate", str(tmp_path / "mine.yaml"), *words, environ=environ, folder=tmp_path))
+        return terminals[-1]
+
+    yield start
+    for terminal in terminals:
+        terminal.close()
+
+
+def strut(person, name):
+    """One strut, the offered lengths taken; up to its last Enter."""
+    number = int(name[1])
+    person.says(f"{name}, strut {number} of 6")
+    person.says(f"Channel of {name} on the board [{number}]:")
+    person.press(ENTER)
+    person.says("Enter when all is clear")
+    person.press(ENTER)
+    person.says("Press l if it got longer")
+    person.press("l")
+    person.says("Make it shorter")
+    person.press(*[PAGE_DOWN] * 8, UP, DOWN)
+    person.says(f"{name}: 1150 us\n  {name}: 1160 us\n  {name}: 1150 us")
+    person.press(ENTER)
+    person.says("End point.")
+    person.says("]:")
+    person.press(ENTER)
+    person.says("Make it longer")
+    person.press(*[PAGE_UP] * 15)
+    person.says(f"{name}: 1900 us")
+    person.press(ENTER)
+    person.says("End point.")
+    person.says("]:")
+    person.press(ENTER)
+    person.says("It is back near mid stroke.")
+    person.says("]:")
+    person.press(ENTER)
+    person.says("Trim: bring it to exactly 234 mm")
+    person.press(RIGHT, LEFT, ENTER)
+
+
+def test_a_person_walks_through_six_struts_leaves_and_comes_back(sit_down, tmp_path):
+    person = sit_down(*WORDS)
+    person.says("Length of a strut at mid stroke, node to node, in mm [234]:")
+    person.press(ENTER)
+    strut(person, "S1")
+    person.says("S2, strut 2 of 6")
+    person.press(CTRL_C)
+    person.says("Left. What is done is kept; go on with the same command")
+    assert person.ends() == 130
+    assert not (tmp_path / "mine.yaml").exists()
+    assert list(Unfinished(tmp_path / "mine.yaml").struts) == ["S1"]
+
+    person = sit_down(*WORDS)
+    person.says("Done already: S1; going on from")
+    for name in ("S2", "S3", "S4", "S5", "S6"):
+        strut(person, name)
+    person.says("Written:")
+    assert person.ends() == 0
+    calibration = load_calibration(tmp_path / "mine.yaml")
+    for each in calibration.struts:
+        assert each.direction == 1
+        assert each.us_per_mm == pytest.approx(10.0, rel=0.06), "the prototype's own, perturbed and pressed"
+        assert each.pulse_at_zero_us + each.trim_us == pytest.approx(1500, abs=15)
+        assert each.pulse_us == (1150, 1900)
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.yaml", "state"]
+
+
+def test_readings_that_make_no_sense_begin_the_strut_again(sit_down):
+    person = sit_down(*WORDS)
+    person.says("[234]:")
+    person.press("a lot", ENTER)
+    person.says("'a lot' is no number from 0 to 1000")
+    person.says("[234]:")
+    person.press("234,0", ENTER)
+    person.says("Channel of S1")
+    person.press(ENTER)
+    person.says("all is clear")
+    person.press(ENTER)
+    person.says("r to see it again")
+    person.press("?", "r")
+    person.says("r to see it again")
+    person.press("s")  # the wrong way round
+    person.says("Make it shorter")
+    person.press(*[DOWN] * 2, ENTER)
+    person.says("End point.")
+    person.says("]:")
+    person.press(ENTER)
+    person.says("Make it longer")
+    person.press(*[UP] * 4, ENTER)
+    person.says("End point.")
+    person.says("]:")
+    person.press(ENTER)
+    person.says("the ends must be 10 mm or more apart; measure again")
+    person.says("Once more, S1 from the start.")
+    person.says("Channel of S1")
+    person.press(CTRL_C)
+    assert person.ends() == 130
+
+
+def test_without_a_terminal_it_says_so():
+    words = [sys.executable, "-m", "sixstrut_cli", "calibrate", "--virtual"]
+    result = subprocess.run(words, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60, check=False)
+    assert result.returncode == 1
+    assert result.stderr == "error: standard input is no terminal: run this command in one, it asks for keys\n"
+
+
+def test_a_missing_port_is_one_line(sit_down):
+    person = sit_down("--port", "/dev/does_not_exist")
+    person.says("error: port /dev/does_not_exist: does not exist; start the virtual prototype, or power the robot")
+    assert person.ends() == 1
