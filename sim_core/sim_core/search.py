@@ -34,7 +34,7 @@ from sim_core.uncertainty import Law
 
 CHUNK_JOBS = 256
 """About how many rolls make a chunk: independent of the workers."""
-POLISH_PERFECT = 6
+RELIABLE, POLISH_RELIABLE = 0.95, 8
 FIRST_LOOK = 4
 """Training prototypes of each law on which a policy is tried first."""
 LEAST_RATE, SLACK = 0.5, 0.15
@@ -62,8 +62,8 @@ class SearchPlan:
         name: of the library. kind: model. classes: names of the classes of rolls. keep: primitives to keep per class.
         seed: same plan and prototype, same library. offspring: per class and generation.
         generations: at most. evaluations: nominal rolls, at most.
-        polish: generations after a class has enough feasible elites. A class with enough that never failed in training, which can
-            only become gentler, gets POLISH_PERFECT of them.
+        polish: generations after a class has enough feasible elites. A class with enough that hardly ever fail in training
+            (RELIABLE), which can become little but gentler, gets POLISH_RELIABLE of them.
         active: struts that a policy may move. apart_mm: two primitives differ by at least this in some strut.
         training: prototypes on which feasible policies are tried; none: the nominal robot alone decides.
         choice: more of them, for the last choice among `spare` × keep elites per class.
@@ -139,12 +139,12 @@ class Search:
         self.generation, self.rolled, self.trained = 0, 0, 0
         self._elites = {name: Elites(plan.apart_mm, most) for name in self._classes}
         self._enough_since: dict[str, int] = {}
-        self._perfect_since: dict[str, int] = {}
+        self._reliable_since: dict[str, int] = {}
         if state is not None:
             if {key: state.get(key) for key in self._identity} != self._identity:
                 raise ParameterError("the search to resume had another plan or model: start a new one, or give the same options")
             self.generation, self.rolled, self.trained = state["generation"], state["rolled"], state["trained"]
-            self._enough_since, self._perfect_since = dict(state["enough_since"]), dict(state["perfect_since"])
+            self._enough_since, self._reliable_since = dict(state["enough_since"]), dict(state["reliable_since"])
             for name, rows in state["elites"].items():
                 self._elites[name].add(Candidate(checked_policy(p, 10_000), m, margins) for p, m, margins in rows)
 
@@ -157,7 +157,7 @@ class Search:
             "rolled": self.rolled,
             "trained": self.trained,
             "enough_since": self._enough_since,
-            "perfect_since": self._perfect_since,
+            "reliable_since": self._reliable_since,
             "elites": elites,
         }
 
@@ -170,7 +170,7 @@ class Search:
         """Share of a class's polish that is done, in [0, 1]."""
         shares = [
             (self.generation - since[name]) / max(1, generations)
-            for since, generations in ((self._enough_since, self.plan.polish), (self._perfect_since, POLISH_PERFECT))
+            for since, generations in ((self._enough_since, self.plan.polish), (self._reliable_since, POLISH_RELIABLE))
             if name in since
         ]
         return min(1.0, max(shares, default=0.0))
@@ -208,7 +208,7 @@ class Search:
         self.generation += 1
         for name in names:
             self._elites[name].add(candidates[name])
-            for since, merit in ((self._enough_since, FEASIBLE), (self._perfect_since, trained_merit(1.0, 0.0))):
+            for since, merit in ((self._enough_since, FEASIBLE), (self._reliable_since, trained_merit(RELIABLE, 0.0))):
                 if name not in since and self._elites[name].count(merit) >= self.plan.keep:
                     since[name] = self.generation
 

@@ -25,6 +25,8 @@ STEP = 0.10
 """Relative change of a parameter, to either side."""
 ANGLE_STEP_RAD = 0.02
 """Change of a slope, which is zero."""
+EACH = 3
+"""Policies near each primitive: itself, and shifted ones."""
 SHIFT_MM = 6
 """Largest random shift of a library's strokes: makes policies that are good, marginal and bad."""
 
@@ -56,7 +58,7 @@ def policies_near(library: Library, limit_mm: int, each: int, seed: int) -> list
 def influences(
     prototype: Prototype,
     library: Library,
-    each: int = 8,
+    each: int = EACH,
     seed: int = 1,
     report: Callable[[int, int], None] = lambda done, total: None,
 ) -> dict[str, Influence]:

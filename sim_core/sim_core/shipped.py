@@ -19,8 +19,8 @@ PLANS = {
         SearchPlan(
             "robust",
             offspring=160,
-            polish=20,
-            apart_mm=12,
+            polish=30,
+            apart_mm=10,
             training=(Training(LEVEL, 16, 11_001), Training(INCLINED, 16, 11_002)),
             choice=(Training(LEVEL, 64, 12_001), Training(INCLINED, 64, 12_002)),
         ),

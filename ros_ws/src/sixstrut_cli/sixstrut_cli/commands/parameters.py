@@ -15,7 +15,7 @@ from sim_core.elements import elements_of
 from sim_core.frozen import label_of
 from sim_core.library import load_library
 from sim_core.parameters import Entry, Prototype, load_entries
-from sim_core.sensitivity import Influence, influences, stored_influences, stored_path, text_of
+from sim_core.sensitivity import EACH, Influence, influences, stored_influences, stored_path, text_of
 from sixstrut_cli.commands.options import PrototypeOption
 
 
@@ -82,7 +82,7 @@ def _computed(robot: Prototype, keep: bool) -> dict[str, Influence]:
         task = bar.add_task("varying one number at a time", total=None)
         found = influences(robot, library, report=lambda done, total: bar.update(task, completed=done, total=total))
     if keep:
-        stored_path().write_text(text_of(robot, library, 8, found), encoding="utf-8")
+        stored_path().write_text(text_of(robot, library, EACH, found), encoding="utf-8")
     return found
 
 
