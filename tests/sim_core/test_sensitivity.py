@@ -16,7 +16,7 @@ def test_policies_near_a_library_contain_it_and_stay_within_the_bound():
 
 def test_rope_stretch_matters_and_a_tighter_rest_rule_does_not(prototype, monkeypatch):
     monkeypatch.setattr(s, "SPECS", {name: SPECS[name] for name in ("tendon_stretch", "rest_hold_s")})
-    found = s.influences(prototype, load_library("robust"), each=1)
+    found = s.influences(prototype, load_library("improved"), each=1)
     assert found["tendon_stretch"].flips > 0.1
     assert found["rest_hold_s"].flips == 0.0
 
