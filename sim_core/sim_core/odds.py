@@ -1,4 +1,4 @@
-"""How likely each of a library's 24 × n gaits is to work: counts from a robustness study, kept in a file beside the library."""
+"""How likely each of a library's 24 × n gaits is to work: counts from a robustness study, kept in a file of their own."""
 
 from __future__ import annotations
 
@@ -14,7 +14,6 @@ from sim_core.library import Gait, Library, libraries_folder
 from sim_core.symmetry import rolls_of
 
 SCHEMA = 1
-SUFFIX = ".odds.yaml"
 
 
 @dataclass(frozen=True)
@@ -51,7 +50,7 @@ def load_odds(library: Library, path: Path | None = None) -> Odds | None:
     Raises:
         LibraryError: a given file that cannot be read, or belongs to another library.
     """
-    file = path or libraries_folder() / f"{library.name}{SUFFIX}"
+    file = path or libraries_folder().parent / "odds" / f"{library.name}.yaml"
     try:
         document: Any = yaml.safe_load(file.read_text(encoding="utf-8"))
         odds = Odds(

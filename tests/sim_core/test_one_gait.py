@@ -38,7 +38,8 @@ def image(e, element, errors):
     ("number", "source", "target", "proper"), [(1, "TO12", "TC4", True), (10, "TO7", "TC8", False), (17, "TO3", "TC2", False)]
 )
 def test_a_gait_on_the_image_of_a_prototype_is_the_reference_gait_on_the_prototype(model, number, source, target, proper):
-    primitive, element = load_library("robust").primitives[8], carrier(source, target)
+    primitive = next(p for p in load_library("robust").primitives if p.roll_class is TO_TC)
+    element = carrier(source, target)
     assert element.proper == proper
     errors = {name: rows[0] for name, rows in errors_of(model, LAW, 4, [number]).items()}
     reference = roll(prototype_of(model, LAW, errors), *TO_TC, primitive.policy)

@@ -10,6 +10,8 @@ from hardware_bridge.calibration import load_calibration
 from hardware_bridge.checks import Rules
 from hardware_bridge.limits import Limits, Pacing
 from hardware_bridge.shape_memory import ShapeCheck
+from sim_core.elements import elements_of
+from sim_core.frozen import label_of
 from sim_core.library import libraries_folder, load_library
 from sim_core.parameters import default_path, load_prototype
 from tensegrity_robot.parameters import parameter
@@ -68,9 +70,11 @@ def rules_of(p: BridgeParameters, shape_check: ShapeCheck) -> Rules:
 def session_files(p: BridgeParameters) -> tuple[dict[str, bytes], dict[str, str]]:
     """Files that go into the bag, and their hashes. Raises SimError, OSError."""
     library = Path(p.library) if Path(p.library).suffix == ".yaml" else libraries_folder() / f"{p.library}.yaml"
+    prototype = load_prototype(p.prototype_file or None)
     facts = {
         "library": load_library(p.library).hash,
-        "prototype": load_prototype(p.prototype_file or None).hash,
+        "prototype": prototype.hash,
+        "model": label_of(elements_of(prototype).hash),
     }
     default = files("hardware_bridge") / "data" / "calibration_default.yaml"
     attachments = {
