@@ -50,7 +50,7 @@ def test_writing_and_reading_keeps_everything(shipped, tmp_path):
     path = tmp_path / "copy.yaml"
     path.write_text(library_text(shipped), encoding="utf-8")
     copy = load_library(path)
-    assert copy == first
+    assert copy == shipped
     assert copy.hash == shipped.hash
 
 
