@@ -1,8 +1,11 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from sim_core.errors import ParameterError
-from sim_core.perturbation import perturb
+from sim_core.errors import ParameterError, UnstableStepError
+from sim_core.model import build_model
+from sim_core.perturbation import MAX_SCALE, perturb
 
 
 def test_scale_zero_is_the_same_robot(model):
@@ -33,3 +36,18 @@ def test_every_member_is_off_by_its_own_amount_within_the_law(model):
 def test_impossible_perturbations_are_refused(model, scale, seed, message):
     with pytest.raises(ParameterError, match=message):
         perturb(model, scale, seed)
+
+
+def test_the_time_step_is_stable_for_the_worst_prototype_of_the_largest_scale(model):
+    """Light everywhere, stiff and tight ropes, strokes that make the struts shortest."""
+    e, s = model.elements, MAX_SCALE
+    worst = replace(
+        e,
+        mass_kg=e.mass_kg * (1.0 - s),
+        cable_stiffness_n_m=e.cable_stiffness_n_m * (1.0 + s),
+        cable_rest_m=e.cable_rest_m * (1.0 - 0.17 * s),
+        strut_gain=e.strut_gain * (1.0 + 0.5 * s),
+    )
+    assert build_model(model.prototype, worst).dt_s == model.dt_s
+    with pytest.raises(UnstableStepError):
+        build_model(model.prototype, replace(worst, mass_kg=e.mass_kg * 0.4))
