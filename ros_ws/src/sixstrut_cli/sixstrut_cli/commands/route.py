@@ -13,16 +13,20 @@ from sixstrut_cli.commands.options import JsonOption, LibraryOption
 
 def command(
     source: Annotated[str, typer.Argument(metavar="FROM", help="Face the robot stands on.")],
-    target: Annotated[str, typer.Argument(metavar="TO", help="Face to reach.")],
+    target: Annotated[str, typer.Argument(metavar="TO", help="Face to reach, or a place on the floor in m: 1.0,0.3")],
     library: LibraryOption = "robust",
     odds: Annotated[
         Path | None, typer.Option(help="Odds of the gaits, from `sixstrut robustness --odds`.", show_default="the shipped ones")
     ] = None,
+    reach: Annotated[float, typer.Option(min=0.01, help="How near to a place is near enough, in m.")] = 0.08,
     as_json: JsonOption = False,
 ) -> None:
     """Print the sequence of rolls that is the most likely to work, with the most reliable gait of each.
 
+    To a place, the way begins at the origin of the floor, in the attitude in which `sixstrut roll` begins.
+
     sixstrut route TC6 TC1
+    sixstrut route TC6 1.0,0.3
     sixstrut route TO5 TO12 --library mine.yaml --odds mine.odds.yaml --json
     """
     from sim_core.face_graph import FaceGraph
@@ -31,7 +35,24 @@ def command(
 
     shelf = load_library(library)
     known = load_odds(shelf, odds)
-    route = FaceGraph(shelf, known).route(source, target)
+    graph = FaceGraph(shelf, known)
+    if "," in target:
+        from sim_core.floor import Floor, Stance
+        from sim_core.model import build_model
+        from sim_core.parameters import load_prototype
+        from sim_core.structure import require_face
+        from sim_core.warm_up import Stage
+        from sixstrut_cli.compiling import compile_first
+
+        goal_m, start = _place(target), Stance(require_face(source), 0.0, 0.0, 0.0)
+        compile_first(Stage.ROBOT)
+        way = Floor(build_model(load_prototype())).way(start, goal_m, graph, reach)
+        faces, odds_of_all, choices = tuple(stance.face for stance in way.stances), way.odds, way.choices
+        places = [(stance.x_m, stance.y_m) for stance in way.stances[1:]]
+        end = f"; ends {100 * way.left_m:.0f} cm from the place" + ("" if way.reaches else ": no nearer way was found")
+    else:
+        route = graph.route(source, target)
+        faces, odds_of_all, choices, places, end = route.faces, route.odds, route.choices, [], ""
     if as_json:
         rolls = [
             {
@@ -41,13 +62,23 @@ def command(
                 "policy_mm": c.gait.policy,
                 "odds": c.odds,
             }
-            for c in route.choices
+            for c in choices
         ]
-        typer.echo(json.dumps({"faces": route.faces, "odds": route.odds, "rolls": rolls}))
+        document = {"faces": faces, "odds": odds_of_all, "rolls": rolls} | ({"places_m": places} if places else {})
+        typer.echo(json.dumps(document))
         return
-    for choice in route.choices:
+    for number, choice in enumerate(choices):
         gait = choice.gait
+        where = f", to {places[number][0]:+.2f} {places[number][1]:+.2f} m" if places else ""
         mirror = "" if gait.proper else " (mirror)"
-        typer.echo(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm, odds {100 * choice.odds:.1f} %")
+        typer.echo(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm, odds {100 * choice.odds:.1f} %{where}")
     basis = known.how if known else "success in training, one rate for a primitive's 24 gaits"
-    typer.echo(f"{' → '.join(route.faces)}: {len(route.choices)} rolls, odds {100 * route.odds:.1f} % ({basis})")
+    typer.echo(f"{' → '.join(faces)}: {len(choices)} rolls, odds {100 * odds_of_all:.1f} % ({basis}){end}")
+
+
+def _place(text: str) -> tuple[float, float]:
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        raise typer.BadParameter(f"{text!r}: valid is a face such as TC1, or a place on the floor in m, such as 1.0,0.3") from None
+    return x, y
