@@ -18,7 +18,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tensegrity_interfaces.action import ExecuteStruts, Roll
-from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, StrutsSent, TwinState
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, Rehearsal, StrutsSent, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, FaceGraph, SetFace
 from tests.ros.processes import START_LIMIT_S, wait_until
 
@@ -30,7 +30,7 @@ class Operator:
     """A client in a context of its own.
 
     Attributes:
-        bridge, twin, face: newest bridge state, twin state and observed face; None before the first.
+        bridge, twin, face, rehearsal: newest bridge state, twin state, observed face and rehearsal; None before the first.
         sent: every StrutsSent heard.
         feedback: phases of the last roll, in order.
         lease: proven by `keep_alive` while set.
@@ -43,6 +43,7 @@ class Operator:
         self.bridge: Any = None
         self.twin: Any = None
         self.face: Any = None
+        self.rehearsal: Any = None
         self.sent: list[Any] = []
         self.feedback: list[str] = []
         self.lease = ""
@@ -50,6 +51,7 @@ class Operator:
         subscribe(BridgeState, "bridge/state", lambda message: setattr(self, "bridge", message), LATCHED)
         subscribe(TwinState, "twin/state", lambda message: setattr(self, "twin", message), 10)
         subscribe(FaceObservation, "bridge/face", lambda message: setattr(self, "face", message), LATCHED)
+        subscribe(Rehearsal, "rehearsal", lambda message: setattr(self, "rehearsal", message), LATCHED)
         subscribe(StrutsSent, "bridge/struts_sent", self.sent.append, 1000)
         self._proof = self.node.create_publisher(LeaseProof, "bridge/lease", 10)
         self.node.create_timer(0.2, self._keep_alive)
@@ -146,11 +148,11 @@ class Operator:
         assert answer.success, answer.message
         self.sees(BridgeState.ARMED)
 
-    def begin_roll(self, target: str, source: str = "", primitive: str = "") -> Any:
+    def begin_roll(self, target: str, source: str = "", primitive: str = "", anyway: bool = False) -> Any:
         """The goal handle of a roll."""
         self.feedback.clear()
         wait_until(self._roll.server_is_ready, START_LIMIT_S, "the planner")
-        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive)
+        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive, anyway=anyway)
         return self._send(self._roll, goal, "the answer to roll", self._on_feedback)
 
     def _on_feedback(self, message: Any) -> None:
@@ -161,9 +163,9 @@ class Operator:
         """The result of an action, with its status."""
         return self._result(self._from_executor(handle.get_result_async), "the end of the action", limit_s)
 
-    def roll(self, target: str, source: str = "", primitive: str = "") -> Any:
+    def roll(self, target: str, source: str = "", primitive: str = "", anyway: bool = False) -> Any:
         """The result of a whole roll."""
-        return self.end(self.begin_roll(target, source, primitive)).result
+        return self.end(self.begin_roll(target, source, primitive, anyway)).result
 
     def cancel(self, handle: Any) -> Any:
         return self._result(self._from_executor(handle.cancel_goal_async), "the answer to cancel")

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import concurrent.futures
+import math
 import sys
 import time
 from dataclasses import dataclass
@@ -11,7 +13,6 @@ from typing import Any
 from builtin_interfaces.msg import Duration
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
@@ -25,31 +26,28 @@ from sim_core.face_graph import FaceGraph
 from sim_core.library import Gait, gait_of, load_library
 from sim_core.odds import load_odds
 from sim_core.parameters import load_prototype
+from sim_core.perturbation import MAX_SCALE
 from sim_core.policy import lengths_of, neutral_lengths
+from sim_core.rehearsal import SEED
 from sim_core.structure import require_adjacent
+from sim_core.uncertainty import MAX_INCLINE_DEG, Law
 from tensegrity_interfaces.action import ExecuteStruts, Roll
-from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, StrutsSent, TwinState
-from tensegrity_interfaces.srv import Arm, Disarm
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot import qos
 from tensegrity_robot.errors import RollRefused, StartError
 from tensegrity_robot.face_graph_service import serve_face_graph
 from tensegrity_robot.filters import EventTimes
 from tensegrity_robot.knots import Knot, constant_speed_knots
+from tensegrity_robot.lease import CALL_TIMEOUT_S, Lease
 from tensegrity_robot.messages import STRUT_NAMES, nanoseconds
 from tensegrity_robot.parameters import declare_parameters, parameter
 from tensegrity_robot.process import End, run
-from tensegrity_robot.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View
+from tensegrity_robot.rehearsing import Rehearser, Rehearsing, rehearsal_message
+from tensegrity_robot.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View, known_face
 
-LEASE_PERIOD_S = 0.1
 TICK_S = 0.1
 SILENT_S = 3.0
 """A bridge that publishes no state for this long is gone; it does at 2 Hz."""
-FRESH_S = 1.5
-CALL_TIMEOUT_S = 3.0
-"""Longest wait for an answer of the bridge."""
-JUDGING_LIMIT_S = 30.0
-"""How much longer the bridge may take to answer `arm`: just started, it loads its judge of shapes first."""
-CALL_POLL_S = 0.05
 LONG_AGO = -1
 """Robot time of what was seen under an earlier bridge."""
 
@@ -68,6 +66,19 @@ class PlannerParameters:
     confirm_timeout_s: float = parameter(
         60.0, "longest wait for set_face where nobody observes all the time [s of robot time]", low=1.0, high=3600.0
     )
+    rehearse_members: int = parameter(
+        24, "perturbed twins on which every roll is tried before the robot does it; 0: no rehearsal", low=0, high=512
+    )
+    rehearse_scale: float = parameter(0.1, "how far these twins are off, 0.1 for ±10 %", low=0.0, high=MAX_SCALE)
+    rehearse_incline_deg: float = parameter(
+        0.0, "incline of the ground under these twins, downhill all round [degrees]", low=0.0, high=MAX_INCLINE_DEG
+    )
+    least_odds: float = parameter(
+        0.0,
+        "a roll that rehearsal finds less likely than this is refused unless its goal says anyway",
+        low=0.0,
+        high=1.0,
+    )
 
 
 class _Running:
@@ -80,6 +91,9 @@ class _Running:
         self.asked_at = time.monotonic()
         self.gait: Gait | None = None
         self.done: Future = Future()
+        self.rehearsal: concurrent.futures.Future[Rehearsing] | None = None
+        self.odds = math.nan
+        """What rehearsal says; NaN: nothing yet, or nobody asked."""
         self.motion: Any = None
         self.motion_asked: float | None = None
         """When the bridge was asked for the motion that is under way."""
@@ -116,10 +130,6 @@ class GaitPlannerNode(Node):
         self._observer = False
         self._events = EventTimes()
         self._renewed = False
-        self._lease = ""
-        self._holder = ""
-        self._lease_seen = False
-        self._disarming = False
         self._roll: _Running | None = None
 
         self.create_subscription(BridgeState, "bridge/state", self._on_bridge_state, qos.LATCHED)
@@ -127,13 +137,14 @@ class GaitPlannerNode(Node):
         self.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, qos.STATES, event_callbacks=found)
         self.create_subscription(FaceObservation, "bridge/face", self._on_face, qos.FACES)
         self.create_subscription(TwinState, "twin/state", self._on_twin, qos.STATES)
-        self._proof = self.create_publisher(LeaseProof, "bridge/lease", qos.STATES)
-        self._bridge_arm = self.create_client(Arm, "bridge/arm")
-        self._bridge_disarm = self.create_client(Disarm, "bridge/disarm")
+        self._lease = Lease(self, self._steady, self._look)
         self._struts = ActionClient(self, ExecuteStruts, "execute_struts")
-        waiting = ReentrantCallbackGroup()  # for the bridge's answer; in the node's own group all else would wait with them
-        self.create_service(Arm, "arm", self._on_arm, callback_group=waiting)
-        self.create_service(Disarm, "disarm", self._on_disarm, callback_group=waiting)
+        self._rehearsals = self.create_publisher(Rehearsal, "rehearsal", qos.LATCHED)
+        self._rehearser = (
+            Rehearser(self._prototype, Law(p.rehearse_scale, incline_deg=p.rehearse_incline_deg), p.rehearse_members, SEED)
+            if p.rehearse_members
+            else None
+        )
         self._server = ActionServer(
             self,
             Roll,
@@ -143,7 +154,6 @@ class GaitPlannerNode(Node):
             cancel_callback=self._on_cancel,
         )
         serve_face_graph(self, self._graph)
-        self.create_timer(LEASE_PERIOD_S, self._prove_life, clock=self._steady)
         self.create_timer(TICK_S, self._tick, clock=self._steady)
         names = ", ".join(primitive.name for primitive in self._library.primitives)
         self.get_logger().info(f"library {self._library.name} ({self._library.hash}): {names}")
@@ -157,19 +167,17 @@ class GaitPlannerNode(Node):
             roll.motion.cancel_goal_async()
 
     def close(self) -> None:
-        """Ends the action's server and client."""
+        """Ends the action's server and client, and the rehearsals."""
+        if self._rehearser is not None:
+            self._rehearser.close()
         self._server.destroy()
         self._struts.destroy()
 
     # ---- what is known ----------------------------------------------------------------------------------------------
 
     def _on_bridge_state(self, message: BridgeState) -> None:
-        self._bridge, self._bridge_heard = message, time.monotonic()
-        if self._lease and message.lease_holder == self._holder:
-            self._lease_seen = True
-        elif self._lease and self._lease_seen and not self._disarming:
-            self._lease = ""
-            self.get_logger().warning(f"the lease is lost: {_why(message)}")
+        self._bridge = message
+        self._lease.follow(message)
         self._look()
 
     def _on_bridge_found(self, change: QoSSubscriptionMatchedInfo) -> None:
@@ -194,6 +202,8 @@ class GaitPlannerNode(Node):
         self._events.add(message.seq, message.robot_time_ns)
         if message.source in (FaceObservation.SOURCE_PROTOTYPE, FaceObservation.SOURCE_EXTERNAL):
             self._observer = True
+        if self._rehearser is not None and message.settled and message.face:
+            self._rehearser.prepare(message.face)
         self._look()
 
     def _on_twin(self, message: TwinState) -> None:
@@ -223,7 +233,7 @@ class GaitPlannerNode(Node):
         if state.state == BridgeState.FAULT:
             reset = f"ros2 service call {self.resolve_service_name('reset')} std_srvs/srv/Trigger"
             return f"the bridge is in FAULT ({state.reason}): remove the cause, then {reset}, then {self._arm_call()}"
-        if not self._lease:
+        if not self._lease.held:
             if state.lease_holder:
                 return f"{state.lease_holder} holds the bridge's lease: it must be given back first (disarm)"
             because = f" ({state.reason})" if state.reason else ""
@@ -231,7 +241,7 @@ class GaitPlannerNode(Node):
         return ""
 
     def _silent(self) -> bool:
-        return self._bridge is None or time.monotonic() - self._bridge_heard > SILENT_S
+        return self._bridge is None or self._lease.unheard_s > SILENT_S
 
     def _homing(self) -> bool:
         """Homing goes on, or is about to: `arm` may answer before the bridge's state says so."""
@@ -239,68 +249,6 @@ class GaitPlannerNode(Node):
 
     def _arm_call(self) -> str:
         return f'ros2 service call {self.resolve_service_name("arm")} tensegrity_interfaces/srv/Arm "{{lifted_and_clear: true}}"'
-
-    # ---- lease ------------------------------------------------------------------------------------------------------
-
-    async def _on_arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
-        if not request.holder:
-            request.holder = self.get_fully_qualified_name().lstrip("/")
-        answer = await self._call(self._bridge_arm, request, JUDGING_LIMIT_S)
-        if answer is None:
-            response.message = "the hardware bridge did not answer: start it (ros2 run tensegrity_robot hardware_bridge)"
-            return response
-        if answer.success:
-            self._lease, self._holder, self._lease_seen = answer.lease, request.holder, False
-            self._prove_life()
-            answer.message = answer.message or "homing has begun; rolls are possible when bridge/state says ARMED"
-            self.get_logger().info(f"armed for {request.holder}; homing")
-        else:
-            self.get_logger().warning(f"arm refused: {answer.message}")
-        return answer
-
-    async def _on_disarm(self, request: Disarm.Request, response: Disarm.Response) -> Disarm.Response:
-        request.lease = request.lease or self._lease
-        self._disarming = True
-        answer = await self._call(self._bridge_disarm, request)
-        self._disarming = False
-        if answer is None:
-            response.message = "the hardware bridge did not answer"
-            return response
-        if answer.success:
-            self._lease = ""
-            self._look()
-        return answer
-
-    async def _call(self, client: Any, request: Any, patience_s: float = 0.0) -> Any:
-        """The answer of a service of the bridge, or None after `CALL_TIMEOUT_S`; once asked, after `patience_s` more.
-
-        Asked as soon as the bridge itself is heard: a service also seems ready for seconds after its bridge was killed.
-        """
-        answered: Future = Future()
-        until = time.monotonic() + CALL_TIMEOUT_S
-        asked: list[Future] = []
-
-        def attend() -> None:
-            if answered.done():
-                return
-            if time.monotonic() > until + (patience_s if asked else 0.0):
-                answered.set_result(None)
-            elif not asked and client.service_is_ready() and time.monotonic() - self._bridge_heard < FRESH_S:
-                asked.append(client.call_async(request))
-                asked[0].add_done_callback(lambda done: answered.done() or answered.set_result(done.result()))
-
-        attend()
-        timer = self.create_timer(CALL_POLL_S, attend, clock=self._steady)
-        try:
-            return await answered
-        finally:
-            self.destroy_timer(timer)
-            for future in asked:
-                client.remove_pending_request(future)
-
-    def _prove_life(self) -> None:
-        if self._lease:
-            self._proof.publish(LeaseProof(stamp=self.get_clock().now().to_msg(), lease=self._lease))
 
     # ---- the roll's action ------------------------------------------------------------------------------------------
 
@@ -370,14 +318,14 @@ class GaitPlannerNode(Node):
             observed_face=outcome.observed_face,
             face_sequence=list(outcome.faces),
             duration_s=outcome.duration_s,
+            odds=roll.odds,
         )
 
     # ---- the roll's steps -------------------------------------------------------------------------------------------
 
     def _tick(self) -> None:
-        if self._lease and self._silent():
-            self._lease = ""
-            self.get_logger().warning("the lease is lost: the hardware bridge is silent")
+        if self._silent():
+            self._lease.lose("the hardware bridge is silent")
         self._look()
         roll = self._roll
         if roll is None or roll.done.done():
@@ -386,10 +334,11 @@ class GaitPlannerNode(Node):
         known = view.observed if view.observer else view.predicted
         roll.goal.publish_feedback(
             Roll.Feedback(
-                phase=str(roll.sequence.phase) if roll.begun else "homing",
+                phase=str(roll.sequence.phase) if roll.begun else "rehearsing" if roll.rehearsal else "homing",
                 face=(known.face or "") if known is not None else "",
                 progress=self._progress(roll, view),
                 length_m=view.lengths_m,
+                odds=roll.odds,
             )
         )
 
@@ -435,11 +384,34 @@ class GaitPlannerNode(Node):
         if roll.cancelled_at is not None:
             self._end_with(roll, "cancelled before it began")
         elif not self._homing() and view.lengths_m:
-            roll.begun = True
             try:
-                self._do(roll.sequence.begin(view))
+                if self._rehearsed(roll, view):
+                    roll.begun = True
+                    self._do(roll.sequence.begin(view))
             except RollRefused as error:
                 self._end_with(roll, str(error))
+
+    def _rehearsed(self, roll: _Running, view: View) -> bool:
+        """Whether the rehearsal of a roll is over, or not wanted. Raises RollRefused: the roll cannot be, or is too unlikely."""
+        if self._rehearser is None or not math.isnan(roll.odds):
+            return True
+        if roll.rehearsal is None:
+            self._plan(roll.goal.request, known_face(view))
+            assert roll.gait is not None
+            roll.rehearsal = self._rehearser.rehearse(roll.gait, self._graph)
+        if not roll.rehearsal.done():
+            return False
+        try:
+            found = roll.rehearsal.result()
+        except SimError as error:
+            raise RollRefused(f"the roll cannot be rehearsed: {error}; rehearse_members:=0 rolls without") from error
+        message = rehearsal_message(found, self._rehearser.law)
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._rehearsals.publish(message)
+        roll.odds = found.wanted.rate.value
+        if roll.odds < self._settings.least_odds and not roll.goal.request.anyway:
+            raise RollRefused(_unlikely(found, self._settings.least_odds))
+        return True
 
     def _end_with(self, roll: _Running, reason: str) -> None:
         if roll.motion is not None:
@@ -464,7 +436,7 @@ class GaitPlannerNode(Node):
         roll.motion_began_ns, roll.motion_s = view.robot_time_ns, knots[-1].time_s
         goal = ExecuteStruts.Goal(
             trajectory=self._trajectory(knots),
-            lease=self._lease,
+            lease=self._lease.held,
             library_hash=self._library.hash,
         )
         self._struts.send_goal_async(goal).add_done_callback(lambda future: self._on_motion_answer(roll, future))
@@ -498,8 +470,14 @@ class GaitPlannerNode(Node):
             self._look()
 
 
-def _why(state: BridgeState) -> str:
-    return f"the bridge is {state.state}" + (f", {state.reason}" if state.reason else "")
+def _unlikely(found: Rehearsing, least: float) -> str:
+    rate, ends = found.wanted.rate, ", ".join(f"{face} {count}" for face, count in found.wanted.outcomes.items())
+    best = max(found.gaits, key=lambda rehearsed: rehearsed.rate.value)
+    instead = f"; likelier: {best.gait.name}, {best.rate.successes} of {best.rate.trials}" if best is not found.wanted else ""
+    return (
+        f"{rate.successes} of {rate.trials} rehearsals of {found.wanted.gait.name} succeeded (they ended on {ends}), less than "
+        f"least_odds {least:g}{instead}; to roll it nevertheless, say anyway in the goal"
+    )
 
 
 def _lengths(values: Any) -> Lengths:

@@ -26,7 +26,7 @@ from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.protocol import Mode
 from hardware_bridge.virtual_port import default_link, read_handshake
 from sim_core.errors import SimError
-from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent, TwinState
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot import bridge_diagnostics, bridge_messages, messages, qos
 from tensegrity_robot.bridge_calls import BridgeCalls
 from tensegrity_robot.bridge_diagnostics import LogFacts
@@ -94,6 +94,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._observing = Observing(self, topics, self._settings.frame)
         self._diagnostics = topics.publisher(DiagnosticArray, "/diagnostics", qos.STATES)
         topics.record(TwinState, "twin/state", qos.STATES, self._follows_this_stream)
+        topics.record(Rehearsal, "rehearsal", qos.LATCHED)
         topics.record(FaceObservation, "twin/face", qos.FACES)
         topics.record(JointState, "twin/joint_states", qos.STATES)
 
