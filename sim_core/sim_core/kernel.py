@@ -50,7 +50,7 @@ R1, R2, CABLE_ROWS = 0, 3, 6
 # Rows of one contact point in `state`: tangential spring stretch, 1 while sliding. In `body`: the point in its joint's frame.
 U, SLIDING, CONTACT_ROWS, POINT_ROWS = 0, 2, 3, 3
 # Rows of the ground in `par`.
-KN, CN, KT, CT, MU_S, MU_K, GROUND_PAR = 0, 1, 2, 3, 4, 5, 6
+KN, CN, KT, CT, MU_S, MU_K, PER_KT, GROUND_PAR = 0, 1, 2, 3, 4, 5, 6, 7
 # Rows of one particle in `work`: rotation matrix (row-major), force, moment, normal ground force.
 R, F, M, NORMAL, WORK_ROWS = 0, 9, 12, 15, 16
 
@@ -300,7 +300,7 @@ def _contact(state, par, work, p, wx, wy, wz, rx, ry, rz, height, row, ground, d
     vx, vy, vz = vx + load(state, x + V), vy + load(state, x + V + 1), vz + load(state, x + V + 2)
     normal = larger(0.0, -load(par, ground + KN) * height - load(par, ground + CN) * vz)
     normal = select(height < 0.0, normal, 0.0)
-    stiffness, damping = load(par, ground + KT), load(par, ground + CT)
+    stiffness, damping, compliance = load(par, ground + KT), load(par, ground + CT), load(par, ground + PER_KT)
     # trial force of the tangential spring-damper
     ux, uy = load(state, row + U) + dt * vx, load(state, row + U + 1) + dt * vy
     tx, ty = -stiffness * ux - damping * vx, -stiffness * uy - damping * vy
@@ -312,8 +312,8 @@ def _contact(state, par, work, p, wx, wy, wz, rx, ry, rz, height, row, ground, d
     tx, ty = scale * tx, scale * ty
     touching = normal > 0.0
     # a sliding spring is kept at the stretch that carries its force, so that it sticks again without a jump
-    store(state, row + U, select(touching, select(slides, -(tx + damping * vx) / stiffness, ux), 0.0))
-    store(state, row + U + 1, select(touching, select(slides, -(ty + damping * vy) / stiffness, uy), 0.0))
+    store(state, row + U, select(touching, select(slides, -(tx + damping * vx) * compliance, ux), 0.0))
+    store(state, row + U + 1, select(touching, select(slides, -(ty + damping * vy) * compliance, uy), 0.0))
     store(state, row + SLIDING, select(touching, select(slides, 1.0, 0.0), 0.0))
     tx, ty = select(touching, tx, 0.0), select(touching, ty, 0.0)
     # the point pressed onto the plane carries the force

@@ -186,7 +186,8 @@ def _par(e: Elements, order: NDArray[np.intp]) -> Array:
     speed = e.strut_gain * e.strut_speed_m_s / e.steps_per_second
     cables = np.column_stack([e.cable_stiffness_n_m, e.cable_rest_m])[order]
     springs = np.column_stack([e.ground_stiffness_n_m, e.ground_damping_n_s_m])
-    parts = [particles, e.gravity_m_s2, speed, cables, springs, e.friction]
+    compliance = 1.0 / e.ground_stiffness_n_m[1:]
+    parts = [particles, e.gravity_m_s2, speed, cables, springs, e.friction, compliance]
     par = np.concatenate([np.ravel(part) for part in parts])
     par.setflags(write=False)
     return par

@@ -15,7 +15,8 @@ LAW = (
     "each strut's stroke ±s/2, friction ±2 s (both coefficients together)"
 )
 """The law of `perturb` in words."""
-MAX_SCALE = 0.4
+MAX_SCALE = 0.3
+"""Beyond it some prototypes would need a smaller time step, or have slack ropes."""
 
 
 def perturb(model: Model, scale: float, seed: int) -> Model:

@@ -8,7 +8,7 @@ from sim_core.uncertainty import Law
 
 LEVEL = Law(0.2)
 """Training on level ground: twice the errors that a library is asked to survive everywhere."""
-INCLINED = Law(0.1, incline_deg=6.0)
+INCLINED = Law(0.05, incline_deg=5.0)
 """Ground slope is what stops plain primitives: uphill they do not tip."""
 
 PLANS = {
@@ -20,8 +20,8 @@ PLANS = {
             "robust",
             offspring=160,
             polish=30,
-            apart_mm=10,
-            training=(Training(LEVEL, 16, 11_001), Training(INCLINED, 16, 11_002)),
+            apart_mm=8,
+            training=(Training(LEVEL, 24, 11_001), Training(INCLINED, 24, 11_002)),
             choice=(Training(LEVEL, 64, 12_001), Training(INCLINED, 64, 12_002)),
         ),
     )

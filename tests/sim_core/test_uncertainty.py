@@ -107,7 +107,7 @@ def test_draws_are_not_those_of_the_virtual_prototype(model):
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"scale": 0.5}, r"scale 0.5: valid is a number in \[0, 0.4\]"),
+        ({"scale": 0.5}, r"scale 0.5: valid is a number in \[0, 0.3\]"),
         ({"groups": ("mas",)}, "unknown uncertainty 'mas': valid are stiffness"),
         ({"correlation": 1.0}, r"correlation 1.0: valid is a number in \[0, 1\)"),
         ({"design": "grid"}, "unknown design 'grid': valid are independent, sobol"),

@@ -35,11 +35,15 @@ def _node_mass(prototype: Prototype) -> float:
 
 
 def _blocks(prototype: Prototype, height_m: float) -> Elements:
-    """Twelve blocks of a joint's mass on five points: a square's corners and its middle."""
+    """Twelve blocks of a joint's mass on five points: a square's corners and its middle.
+
+    Five springs and dampers under so light a block, which a joint never has, need a finer step than the robot.
+    """
     sole = [(HALF_M * a, HALF_M * b, -height_m) for a in (-1, 1) for b in (-1, 1)] + [(0.0, 0.0, -height_m)]
     mass = _node_mass(prototype)
     flat = mass * HALF_M**2 / 3.0
-    return bodies(prototype, np.full(12, mass), np.tile([flat, flat, 2.0 * flat], (12, 1)), np.array(sole))
+    elements = bodies(prototype, np.full(12, mass), np.tile([flat, flat, 2.0 * flat], (12, 1)), np.array(sole))
+    return replace(elements, steps_per_second=BLOCK_FINER * prototype.steps_per_second)
 
 
 def _settled(elements: Elements, weight_n: Array, height_m: float) -> Array:
@@ -48,11 +52,10 @@ def _settled(elements: Elements, weight_n: Array, height_m: float) -> Array:
 
 
 def block_sliding_to_rest(setting: Setting) -> Case:
-    """Twelve speeds in one run. Five dampers under so light a block, which a joint never has, need a finer step than the robot."""
+    """Twelve speeds in one run."""
     p = setting.prototype
     elements = _blocks(p, HEIGHT_M)
-    model = build_model(replace(p, strut_elements=1), elements, allow_slack=True)
-    run = Run(model, ground=True, dt_s=model.dt_s / BLOCK_FINER)
+    run = Run(build_model(replace(p, strut_elements=1), elements, allow_slack=True), ground=True)
     weight = elements.mass_kg[:12] * p.gravity_m_s2
     run.x[:12, 2] = _settled(elements, weight, HEIGHT_M)
     run.v[:12, 0] = SPEEDS_M_S
