@@ -15,9 +15,9 @@ from hardware_bridge.checks import SHAPE_STEP_M, Rules, check_homing, check_traj
 from hardware_bridge.codecs import Board
 from hardware_bridge.codecs.lsc import Lsc
 from hardware_bridge.codecs.maestro import timeout_s
-from hardware_bridge.engine import Callbacks, Engine
+from hardware_bridge.engine import Engine
 from hardware_bridge.errors import ParameterError, Refused, StateError
-from hardware_bridge.events import FACES, SOURCES, FaceEvent, SentEvent, Snapshot
+from hardware_bridge.events import FACES, SOURCES, Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.fit import require_fit
 from hardware_bridge.homing import homing_path, known_pulses
 from hardware_bridge.last_pulses import LastPulses, state_directory
