@@ -6,6 +6,7 @@ import math
 import os
 import signal
 import tty
+from importlib.resources import files
 
 import pytest
 from lifecycle_msgs.msg import State
@@ -85,8 +86,10 @@ def test_a_missing_port_is_a_one_line_error(processes):
     assert "port /dev/does_not_exist: does not exist; start the virtual prototype, or power the robot" in error
 
 
-def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(processes, operator, real_port):
-    processes.start("hardware_bridge", port=real_port)
+@pytest.mark.parametrize("copied", [False, True])
+def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(processes, operator, real_port, copied):
+    unedited = files("hardware_bridge") / "data" / "calibration_default.yaml"
+    processes.start("hardware_bridge", port=real_port, **({"calibration": unedited} if copied else {}))
     answer = operator.call("bridge/arm", Arm.Request(lifted_and_clear=True, confirmed_lengths_m=[0.234] * 6))
     assert not answer.success
     assert "the calibration is the virtual prototype's: measure the robot's own" in answer.message

@@ -101,6 +101,11 @@ class SessionLog:
         return self._recorder.messages_written if self._recorder else 0
 
     @property
+    def waiting(self) -> int:
+        """Messages that wait for the disk now."""
+        return self._recorder.waiting if self._recorder else 0
+
+    @property
     def most_waiting(self) -> int:
         """Largest number of messages that ever waited for the disk."""
         return self._recorder.most_waiting if self._recorder else 0
