@@ -58,13 +58,38 @@ def test_messages_that_wait_while_none_is_written_are_trouble_until_one_is(log):
     assert watch.look(2 * STUCK_S + 0.1) == ""
 
 
-def test_a_strut_is_still_half_a_second_after_its_last_change():
-    watch = StillWatch()
-    lengths = [(0.234 + 0.001 * min(number, 5), *[0.234] * 5) for number in range(20)]
-    still = []
-    for number, seen in enumerate(lengths):
-        watch.see(50_000_000 * number, seen)
+def watch_of(lengths, moved=()):
+    """Whether the struts were still after each of the observations, 50 ms apart, of a first strut."""
+    watch, still = StillWatch(), []
+    for number, length in enumerate(lengths):
+        watch.hear(50_000_000 * number, number in moved)
+        watch.see(50_000_000 * number + 123, (length, *[0.234] * 5))
         still.append(watch.is_still)
-    assert still.index(True) == 15
-    watch.see(10_000_000_000, (0.239 + 0.9 * STILL_M, *[0.234] * 5))
-    assert watch.is_still, "a quiver is no motion"
+    return still
+
+
+def test_a_strut_is_still_half_a_second_after_its_last_change():
+    assert watch_of([0.234 + 0.001 * min(number, 5) for number in range(20)]).index(True) == 15
+
+
+def test_a_quiver_is_no_motion():
+    assert watch_of([0.234 + 0.9 * STILL_M * (number % 2) for number in range(20)])[-1]
+
+
+def test_what_was_seen_before_the_last_frame_does_not_count():
+    still = watch_of([0.234] * 40, moved=(15,))
+    assert still.index(False, 11) == 15
+    assert still.index(True, 15) == 25
+
+
+def test_a_late_observer_is_not_believed_to_see_the_present():
+    watch = StillWatch()
+    for number in range(20):
+        watch.hear(50_000_000 * number, False)
+        watch.see(50_000_000 * number, (0.234,) * 6)
+    watch.hear(5_000_000_000, True)
+    watch.hear(9_000_000_000, False)
+    watch.see(2_000_000_000, (0.234,) * 6)
+    assert not watch.is_still, "that was three seconds before the frame"
+    watch.see(5_600_000_000, (0.234,) * 6)
+    assert watch.is_still

@@ -21,8 +21,8 @@ from hardware_bridge.codecs.lsc import FrameDecoder, Move, decode_move
 from sim_core.follow import Follower, Observed, Sent
 from sim_core.model import build_model
 from sim_core.parameters import load_prototype
+from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.srv import Arm
-from tests.ros.processes import wait_until
 
 pytestmark = pytest.mark.ros
 END_OF_LISTENING = b"end of listening"
@@ -31,7 +31,7 @@ END_OF_LISTENING = b"end of listening"
 @pytest.fixture(scope="module")
 def interrupted(module_processes, domain):
     """Bags of sessions that were ended in mid-roll, by how."""
-    from tests.ros.client import Operator
+    from sixstrut_cli.faults.client import Operator
 
     operator = Operator(domain)
     bags: dict[str, tuple[Path, int, str]] = {}

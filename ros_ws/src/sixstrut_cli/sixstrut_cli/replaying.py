@@ -82,7 +82,7 @@ def require_same_model(session: Session, model: Model) -> None:
     if recorded and recorded != built:
         raise ReplayError(
             f"{session.path} was recorded with model {recorded}, its numbers now give model {built}: its bits cannot be had back; "
-            " replay it with the software of then, or compare faces only with --compare"
+            "replay it with the software of then, or compare faces only with --compare"
         )
 
 

@@ -11,6 +11,7 @@ from std_msgs.msg import Header
 
 from hardware_bridge.events import Snapshot
 from hardware_bridge.latency import Percentiles
+from hardware_bridge.link import LATE_ANSWER_S
 from tensegrity_interfaces.msg import BridgeState
 
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
@@ -36,13 +37,14 @@ class LogFacts(NamedTuple):
 
 
 def diagnostics(
-    node: str, snapshot: Snapshot | None, log: LogFacts | None, observer: bool | None, hint: str, stamp: Time
+    node: str, snapshot: Snapshot | None, log: LogFacts | None, observer: bool | None, stalled: str, hint: str, stamp: Time
 ) -> DiagnosticArray:
     """What is well and what is not.
 
     Args:
         log: of the bag; None: not recording.
         observer: whether the observer is there; None: none is expected.
+        stalled: which strut it sees elsewhere than it was sent; empty: none.
         hint: what to do while there is no bridge.
     """
     if snapshot is None:
@@ -57,8 +59,8 @@ def diagnostics(
         _log(node, log, snapshot.port),
     ]
     if observer is not None:
-        told = "is there" if observer else "is not there: faces are only predicted"
-        statuses.append(_status(f"{node}: observer", OK if observer else WARN, told, snapshot.port, ()))
+        told = stalled or ("is there" if observer else "is not there: faces are only predicted")
+        statuses.append(_status(f"{node}: observer", OK if observer and not stalled else WARN, told, snapshot.port, ()))
     return DiagnosticArray(header=Header(stamp=stamp), status=statuses)
 
 
@@ -67,6 +69,8 @@ def _link(node: str, snapshot: Snapshot) -> DiagnosticStatus:
     level, told = OK, "open"
     if not snapshot.link_ok:
         level, told = ERROR, "lost: check power and link, then reset"
+    elif replies.latency.p99_s > LATE_ANSWER_S:
+        level, told = WARN, f"slow: a reply in a hundred takes {replies.latency.p99_s * 1e3:.0f} ms; check Bluetooth's range"
     elif latency.p99_s > SLOW_WRITE_S:
         level, told = WARN, f"slow: one frame in a hundred takes {latency.p99_s * 1e3:.0f} ms to hand over; check Bluetooth's range"
     values = (

@@ -239,8 +239,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._topics.publish(self._sent, bridge_messages.struts_sent(event, header))
         self._topics.publish(self._joint_states, messages.joint_states(header.stamp, np.array(event.lengths_m)))
         self._times.add(event.seq, event.robot_time_ns)
-        if not event.heartbeat:
-            self._observing.moved()
+        self._observing.heard(event)
 
     def _on_bridge_face(self, event: FaceEvent) -> None:
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
@@ -325,10 +324,10 @@ class HardwareBridgeNode(LifecycleNode):
             log = LogFacts(str(told.path), told.messages, told.most_waiting, watch.free_mb, watch.trouble)
         snapshot = None if self._bridge is None else self._bridge.snapshot()
         stamp = self.get_clock().now().to_msg()
-        self._topics.publish(
-            self._diagnostics,
-            bridge_diagnostics.diagnostics(self.get_name(), snapshot, log, self._observing.there, self._hint, stamp),
-        )
+        stalled = "" if snapshot is None else self._observing.stalled(snapshot)
+        there = self._observing.there
+        told_now = bridge_diagnostics.diagnostics(self.get_name(), snapshot, log, there, stalled, self._hint, stamp)
+        self._topics.publish(self._diagnostics, told_now)
 
 
 def main(args: list[str] | None = None) -> int:

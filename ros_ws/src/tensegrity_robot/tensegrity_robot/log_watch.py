@@ -60,7 +60,7 @@ class LogWatch:
         if self.free_mb >= self._limit_mb:
             return ""
         return (
-            f"{self.free_mb:.0f} MB are free in {self._folder}, the limit is {self._limit_mb:g} MB (space_limit_mb): free space, "
+            f"{self.free_mb:.0f} MB are free in {self._folder}, the limit is {self._limit_mb:.0f} MB (space_limit_mb): free space, "
             "or start the bridge with another bag_folder, or without a log (record:=false)"
         )
 

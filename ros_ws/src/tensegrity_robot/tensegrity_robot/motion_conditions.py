@@ -7,6 +7,7 @@ import time
 from hardware_bridge.bridge import Bridge
 from hardware_bridge.calibration import load_calibration
 from hardware_bridge.errors import Refused
+from hardware_bridge.protocol import Mode
 from hardware_bridge.trajectory import Trajectory
 from tensegrity_robot.log_watch import LogWatch
 from tensegrity_robot.observing import Observing
@@ -42,10 +43,13 @@ class MotionConditions:
     def require_movable(self, trajectory: Trajectory, library_hash: str) -> None:
         """Raises Refused: this motion must not begin, and why. The way back to mid stroke is always open.
 
+        What the supervisor refuses anyhow is left to it: its reason comes first.
+
         Args:
             library_hash: of the library that the motion comes from; empty: from none.
         """
-        if self._bridge.returns(trajectory):
+        snapshot = self._bridge.snapshot()
+        if snapshot.mode not in (Mode.ARMED, Mode.HOLD) or self._bridge.returns(trajectory):
             return
         self._require_log()
         if library_hash and self._library_hash and library_hash != self._library_hash:
@@ -53,7 +57,7 @@ class MotionConditions:
                 f"the motion comes from library {library_hash}, this session's bag holds library {self._library_hash}: start "
                 "bridge and planner with the same library"
             )
-        if stalled := self._observing.stalled(self._bridge.snapshot()):
+        if stalled := self._observing.stalled(snapshot):
             raise Refused(stalled)
 
     def attend(self) -> str:

@@ -11,7 +11,7 @@ from std_msgs.msg import Header
 
 from hardware_bridge.bridge import Bridge
 from hardware_bridge.errors import BridgeError, StateError
-from hardware_bridge.events import Snapshot
+from hardware_bridge.events import SentEvent, Snapshot
 from hardware_bridge.observation import Observation
 from hardware_bridge.observer_client import ObserverClient
 from sim_core.structure import STRUTS
@@ -31,23 +31,39 @@ OBSERVED_PERIOD_S = 0.04
 
 
 class StillWatch:
-    """Since when no strut has changed its length.
+    """Whether the struts have come to rest after what was sent last.
 
-    Attributes:
-        is_still: for `STILL_S` at least.
+    The observer's clock is not the bridge's, and what it tells may be late: how late is counted from the most timely observation.
     """
 
     def __init__(self) -> None:
-        self._since_ns = 0
+        self._now_ns: int | None = None
+        self._sent_ns = 0
+        self._offset_ns: int | None = None
+        self._since_ns = self._seen_ns = 0
         self._lengths_m: tuple[float, ...] | None = None
-        self.is_still = False
 
-    def see(self, robot_time_ns: int, lengths_m: tuple[float, ...]) -> None:
-        """One more observation of the six struts."""
+    @property
+    def is_still(self) -> bool:
+        """No strut has changed its length for `STILL_S`, all of it after the last frame."""
+        return self._seen_ns - max(self._since_ns, self._sent_ns) >= STILL_S * 1e9
+
+    def hear(self, robot_time_ns: int, moved: bool) -> None:
+        """The bridge's robot time, and whether a frame was sent then."""
+        self._now_ns = robot_time_ns
+        if moved:
+            self._sent_ns = robot_time_ns
+
+    def see(self, observed_ns: int, lengths_m: tuple[float, ...]) -> None:
+        """One more observation of the six struts, at the observer's own robot time."""
+        if self._now_ns is None:
+            return
+        offset_ns = self._now_ns - observed_ns
+        self._offset_ns = offset_ns if self._offset_ns is None else min(self._offset_ns, offset_ns)
+        self._seen_ns = observed_ns + self._offset_ns
         before = self._lengths_m
         if before is None or any(abs(new - old) > STILL_M for new, old in zip(lengths_m, before, strict=True)):
-            self._since_ns, self._lengths_m = robot_time_ns, lengths_m
-        self.is_still = robot_time_ns - self._since_ns >= STILL_S * 1e9
+            self._since_ns, self._lengths_m = self._seen_ns, lengths_m
 
 
 class Observing:
@@ -89,9 +105,11 @@ class Observing:
         if client is not None:
             client.close()
 
-    def moved(self) -> None:
-        """The struts were sent somewhere: the next face is news."""
-        self._news.moved()
+    def heard(self, event: SentEvent) -> None:
+        """The bridge sent something, or nothing; after a frame the next face is news."""
+        self._still.hear(event.robot_time_ns, not event.heartbeat)
+        if not event.heartbeat:
+            self._news.moved()
 
     def unknown_lengths_m(self, snapshot: Snapshot) -> list[float | None] | None:
         """For struts whose length nobody knows: as the observer sees them, if there is one."""

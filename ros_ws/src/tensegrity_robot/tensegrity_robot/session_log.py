@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
 
-from hardware_bridge.errors import BridgeError
+from hardware_bridge.errors import BridgeError, RecorderError
 from hardware_bridge.journal import finish_journal
 from hardware_bridge.recorder import Recorder
 from hardware_bridge.schemas import ShareSchemas
@@ -123,7 +123,11 @@ class SessionLog:
         Raises:
             BridgeError, OSError: it cannot be written.
         """
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            problem = f"cannot be made ({error.strerror}); give another bag_folder, or do without a log (record:=false)"
+            raise RecorderError(str(folder), problem) from error
         schemas = ShareSchemas()
         recorder = Recorder(bag_name(folder, time.gmtime()), schemas.schema_text, type_hash=schemas.type_hash, on_fault=self._fail)
         self._owner = recorder.journal.open("rb")  # its lock says that the session lives, see mend_journals
