@@ -15,9 +15,10 @@ from hardware_bridge.checks import SHAPE_STEP_M, Rules, check_homing, check_traj
 from hardware_bridge.codecs import Board
 from hardware_bridge.codecs.lsc import Lsc
 from hardware_bridge.codecs.maestro import timeout_s
-from hardware_bridge.engine import Callbacks, Engine
+from hardware_bridge.duty import returns
+from hardware_bridge.engine import Engine
 from hardware_bridge.errors import ParameterError, Refused, StateError
-from hardware_bridge.events import FACES, SOURCES, FaceEvent, SentEvent, Snapshot
+from hardware_bridge.events import FACES, SOURCES, Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.fit import require_fit
 from hardware_bridge.homing import homing_path, known_pulses
 from hardware_bridge.last_pulses import LastPulses, state_directory
@@ -163,6 +164,14 @@ class Bridge:
         if state.homed and state.motion is None and state.lease is not None and state.lease.token == lease:
             with suppress(Refused):
                 check_trajectory(self._judging_rules, present_m, trajectory)
+
+    def returns(self, trajectory: Trajectory) -> bool:
+        """Whether a motion only takes struts nearer to mid stroke, from where they are: that way must always be open."""
+        calibration = self.rules.calibration
+        quantum_m = max(strut.quantum_m for strut in calibration.struts)
+        with self._engine.lock:
+            path = trajectory.starting_at(self._engine.lengths_m())
+        return returns(path, calibration.mid_stroke_length_m, quantum_m)
 
     def arm(self, holder: str, lifted_and_clear: bool, confirmed_lengths_m: Sequence[float | None] | None = None) -> str:
         """Takes the lease and begins homing, which ends in ARMED (see ``snapshot`` and ``on_state``).

@@ -9,17 +9,18 @@ from __future__ import annotations
 import logging
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import TypeVar
 
 from hardware_bridge.calibration import STRUTS
 from hardware_bridge.checks import Rules, check_frame
 from hardware_bridge.clock import RobotClock
 from hardware_bridge.codecs import Board
+from hardware_bridge.congestion import Congestion
+from hardware_bridge.duty_record import DutyRecord
 from hardware_bridge.errors import BridgeError, LinkLost, ShapeError
-from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
+from hardware_bridge.events import Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.health import Answer, judge
 from hardware_bridge.last_pulses import LastPulses
 from hardware_bridge.latency import Latency
@@ -34,6 +35,7 @@ from hardware_bridge.protocol import (
     Kind,
     Mode,
     Refuse,
+    Reset,
     Send,
     State,
     Supply,
@@ -43,19 +45,7 @@ from hardware_bridge.protocol import LinkLost as LinkLostEvent
 from hardware_bridge.supervisor import Supervisor
 
 _log = logging.getLogger(__name__)
-_Event = TypeVar("_Event")
-
-_CONGESTED_LIMIT_S = 0.5
 _MOVING = (Kind.ENERGISE, Kind.HOME, Kind.MOVE)
-
-
-@dataclass
-class Callbacks:
-    """Whom to tell. Called under the lock: short, and never back into the bridge."""
-
-    on_sent: Callable[[SentEvent], None] | None = None
-    on_face: Callable[[FaceEvent], None] | None = None
-    on_state: Callable[[Snapshot], None] | None = None
 
 
 @dataclass
@@ -64,7 +54,6 @@ class _Counters:
     robot_time_ns: int = 0
     frames_sent: int = 0
     late_periods: int = 0
-    congested_periods: int = 0
     reopened: int = 0
 
 
@@ -91,11 +80,13 @@ class Engine:
         self._callbacks = callbacks
         self._supervisor = Supervisor(rules, board.quirks.duration_ms[0])
         self._record: LastPulses | None = None
+        self._duty_record: DutyRecord | None = None
         self._motions: dict[int, MotionHandle] = {}
         self._count = _Counters()
         self._latency = Latency()
         self._written_in_tick = False
-        self._congested_since_s: float | None = None
+        self._congestion = Congestion()
+        self._board_errors: tuple[str, ...] = ()
         self._told: tuple[object, ...] = ()
         self._bars = 0
         self._bars_lock = threading.Lock()
@@ -110,15 +101,20 @@ class Engine:
         self.state = State(duty=duty)
         if was.mode is Mode.FAULT:
             self.state = replace(self.state, mode=Mode.FAULT, reason=was.reason)
-        self._count, self._latency = _Counters(), Latency()
-        self.link.write_errors = 0
+        self._count, self._latency, self._congestion = _Counters(), Latency(), Congestion()
+        self._board_errors = ()
+        self.link.begin_counting()
         self.use_record(record, virtual)
+        if not duty.spells and self._duty_record is not None:
+            loaded = self._duty_record.load(self.clock.now().robot_s, time_scale, self._rules.limits)
+            self.state = replace(self.state, duty=loaded)
         self._heartbeat()
         self.tell_state(force=True)
 
     def use_record(self, record: LastPulses, virtual: bool) -> None:
         """Takes the last pulses from the record of the robot behind the port."""
         self._record, self.virtual = record, virtual
+        self._duty_record = DutyRecord(record.path.parent, self._port, record.robot)
         self.state = replace(self.state, pulses_us=record.load(self._rules.calibration.channels))
 
     def reopened(self) -> None:
@@ -126,8 +122,10 @@ class Engine:
         self._count.reopened += 1
 
     def save_record(self, durable: bool = False) -> None:
-        """Writes the record anew. Raises :class:`StateFileError`."""
+        """Writes the records anew. Raises :class:`StateFileError`."""
         assert self._record is not None
+        assert self._duty_record is not None
+        self._duty_record.save(self.state.duty, self.clock.now().robot_s, force=True)
         self._record.save(self._rules.calibration.channels, self.state.pulses_us, force=True, durable=durable)
 
     # ---- time -------------------------------------------------------------------------------------------------------
@@ -146,13 +144,15 @@ class Engine:
                         self._judge(answer)
                     if self.link.battery_mv != self.state.supply_mv:
                         self.apply(Supply(self.link.battery_mv))
-                    congested = self._is_congested(now_s)
+                    congested = self._congestion.look(self.link, now_s)
                 except LinkLost as error:
                     self.apply(LinkLostEvent(str(error)))
             if not self._is_barred:
                 self.apply(Tick(congested))
             if self.link.is_up and not self._written_in_tick:
                 self._heartbeat()
+            if self._duty_record is not None:
+                self._duty_record.try_to_save(self.state.duty, self.clock.now().robot_s)
 
     def tick_failed(self, error: Exception) -> None:
         """The frame loop has a bug: latches."""
@@ -174,18 +174,6 @@ class Engine:
     def _is_barred(self) -> bool:
         return self._bars > 0
 
-    def _is_congested(self, now_s: float) -> bool:
-        """Whether the port still holds the last frame; too long, and the link is lost."""
-        if not self.link.is_congested():
-            self._congested_since_s = None
-            return False
-        self._count.congested_periods += 1
-        if self._congested_since_s is None:
-            self._congested_since_s = now_s
-        if now_s - self._congested_since_s > _CONGESTED_LIMIT_S:
-            raise self.link.lost(f"has sent nothing on for {_CONGESTED_LIMIT_S:g} s")
-        return True
-
     # ---- the board's answers ----------------------------------------------------------------------------------------
 
     def _judge(self, answer: Answer) -> None:
@@ -196,6 +184,7 @@ class Engine:
         """
         holds = self.state.mode not in (Mode.DISARMED, Mode.FAULT) or any(self.state.energised)
         verdict = judge(answer, holds, self._board.quirks.error_moves)
+        self._board_errors = answer.health.errors or self._board_errors
         if verdict.positions_unknown:
             _log.warning("%s: nobody knows where the struts are", ", ".join(answer.health.errors) or "no pulse")
             self.forget_positions()
@@ -216,6 +205,8 @@ class Engine:
     def apply(self, event: Event) -> None:
         """Takes the supervisor one step and does what it says. Raises what it refuses."""
         before = self.state
+        if isinstance(event, Reset):
+            self._board_errors = ()
         self.state, effects = self._supervisor.step(before, event, self.clock.now())
         failure: Event | None = None
         for effect in effects:
@@ -306,7 +297,7 @@ class Engine:
     def emit_face(self, face: str, source: str, settled: bool, detail: str) -> FaceEvent:
         """Numbers a face observation into the stream."""
         event = FaceEvent(*self._number(), face, source, settled, detail)
-        _call(self._callbacks.on_face, event)
+        self._callbacks.face(event)
         return event
 
     def tell_state(self, force: bool = False) -> None:
@@ -317,7 +308,7 @@ class Engine:
         now = (state.mode, state.reason, token, state.homed, moving, self.link.is_up)
         if force or now != self._told:
             self._told = now
-            _call(self._callbacks.on_state, self.snapshot())
+            self._callbacks.state(self.snapshot())
 
     def snapshot(self) -> Snapshot:
         """Everything at this instant."""
@@ -344,11 +335,13 @@ class Engine:
                 frames_sent=count.frames_sent,
                 write_errors=self.link.write_errors,
                 late_periods=count.late_periods,
-                congested_periods=count.congested_periods,
+                congested_periods=self._congestion.periods,
                 duty_limit_s=self._rules.limits.duty_s,
                 supply_low_v=self._rules.limits.supply_low_v,
                 write_latency=self._latency.percentiles(),
                 reopened=count.reopened,
+                board_errors=self._board_errors,
+                replies=self.link.replies,
             )
 
     def lengths_m(self) -> tuple[float, ...]:
@@ -376,18 +369,9 @@ class Engine:
             frame=frame,
             kind="heartbeat" if kind is None else str(kind),
         )
-        _call(self._callbacks.on_sent, event)
+        self._callbacks.sent(event)
 
     def _number(self) -> tuple[int, int]:
         self._count.seq += 1
         self._count.robot_time_ns = max(self._count.robot_time_ns, self.clock.now_ns())
         return self._count.seq, self._count.robot_time_ns
-
-
-def _call(callback: Callable[[_Event], None] | None, event: _Event) -> None:
-    if callback is None:
-        return
-    try:
-        callback(event)
-    except Exception:
-        _log.exception("callback of the bridge")

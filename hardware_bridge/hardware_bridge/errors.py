@@ -82,11 +82,11 @@ class ParameterError(BridgeError):
 
 
 class StateFileError(BridgeError):
-    """The last pulses cannot be kept; without them the next homing would be blind."""
+    """What must outlive the bridge cannot be kept: without the last pulses the next homing would be blind."""
 
-    def __init__(self, path: str, problem: str) -> None:
-        self.path, self.problem = path, problem
-        super().__init__(f"cannot keep the last pulses in {path}: {problem}; make the folder writable or free space")
+    def __init__(self, path: str, problem: str, what: str = "the last pulses") -> None:
+        self.path, self.problem, self.what = path, problem, what
+        super().__init__(f"cannot keep {what} in {path}: {problem}; make the folder writable or free space")
 
 
 class BoardMismatch(BridgeError):

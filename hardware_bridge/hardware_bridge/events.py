@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeVar
 
-from hardware_bridge.latency import NOTHING_MEASURED, Percentiles
+from hardware_bridge.latency import NOTHING_ASKED, NOTHING_MEASURED, Percentiles, Replies
 from hardware_bridge.protocol import Mode
+
+_log = logging.getLogger(__name__)
+_Event = TypeVar("_Event")
 
 FACES = (*(f"TC{number}" for number in range(1, 9)), *(f"TO{number}" for number in range(1, 13)))
 SOURCES = ("operator", "prototype", "external")
@@ -86,11 +92,12 @@ class Snapshot:
         supply_low_v: Servo supply below which no gait is begun, in [V].
         write_latency: How long the port took to take each frame, the last 1200.
         reopened: How often a lost link was opened again since ``open``.
-        board_errors: What the board says is wrong with it; empty also for a board that cannot say.
+        board_errors: What the board said is wrong with it, until reset; empty also for a board that cannot say.
+        replies: How the board answers its liveness queries, since ``open``.
         frames_sent: Frames written since ``open``.
         write_errors: Failed or partial writes since ``open``.
         late_periods: Periods that the frame loop missed, dropped and not made up for.
-        congested_periods: Periods without a frame because the port still held the one before.
+        congested_periods: Periods without a frame because the port still held the one before, or an answer was late.
     """
 
     robot_time_ns: int
@@ -119,3 +126,34 @@ class Snapshot:
     write_latency: Percentiles = NOTHING_MEASURED
     reopened: int = 0
     board_errors: tuple[str, ...] = ()
+    replies: Replies = NOTHING_ASKED
+
+
+@dataclass(frozen=True)
+class Callbacks:
+    """Whom to tell. Called under the lock: short, and never back into the bridge. An exception in one is logged."""
+
+    on_sent: Callable[[SentEvent], None] | None = None
+    on_face: Callable[[FaceEvent], None] | None = None
+    on_state: Callable[[Snapshot], None] | None = None
+
+    def sent(self, event: SentEvent) -> None:
+        """Something was sent, or nothing was."""
+        _call(self.on_sent, event)
+
+    def face(self, event: FaceEvent) -> None:
+        """Somebody saw a face."""
+        _call(self.on_face, event)
+
+    def state(self, snapshot: Snapshot) -> None:
+        """The bridge's state has changed."""
+        _call(self.on_state, snapshot)
+
+
+def _call(callback: Callable[[_Event], None] | None, event: _Event) -> None:
+    if callback is None:
+        return
+    try:
+        callback(event)
+    except Exception:
+        _log.exception("callback of the bridge")

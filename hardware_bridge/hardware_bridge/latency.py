@@ -23,6 +23,25 @@ class Percentiles(NamedTuple):
 NOTHING_MEASURED = Percentiles()
 
 
+class Replies(NamedTuple):
+    """How a board answers its liveness queries.
+
+    Attributes:
+        questions: Asked so far.
+        unanswered: Of these, had no sound answer before the next one, and were asked again.
+        bad: Of these, were answered by too many, too few or nonsensical bytes.
+        latency: From question to answer; looked for at each frame, so it may read up to a frame's period too much.
+    """
+
+    questions: int = 0
+    unanswered: int = 0
+    bad: int = 0
+    latency: Percentiles = NOTHING_MEASURED
+
+
+NOTHING_ASKED = Replies()
+
+
 class Latency:
     """The last ``KEPT`` durations. Not for several threads at once."""
 

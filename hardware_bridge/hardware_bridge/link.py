@@ -10,7 +10,11 @@ from collections.abc import Sequence
 from hardware_bridge.codecs import Board
 from hardware_bridge.errors import LinkLost
 from hardware_bridge.health import Answer
+from hardware_bridge.latency import Latency, Replies
 from hardware_bridge.transport import SerialTransport
+
+LATE_ANSWER_S = 0.5
+"""Wall time after which a board that used to answer is late: what is sent to it may be queueing somewhere."""
 
 _REPLY_LIMIT_S = 0.1
 
@@ -27,7 +31,6 @@ class Link:
     Attributes:
         battery_mv: Last supply voltage that the board told, in [mV].
         write_errors: Failed or partial writes.
-        bad_replies: Questions that were answered by too many, too few or nonsensical bytes.
     """
 
     def __init__(
@@ -50,11 +53,13 @@ class Link:
         self._energised: deque[tuple[bool, ...]] = deque(maxlen=1 + asked)
         self._asked_s = -float("inf")
         self._answered_s: float | None = None
+        self._unanswered_since_s: float | None = None
         self._answers = False
         self._dirty = False
         self.battery_mv: int | None = None
         self.write_errors = 0
-        self.bad_replies = 0
+        self._questions = self._unanswered = self._bad = 0
+        self._reply_latency = Latency()
 
     @property
     def is_up(self) -> bool:
@@ -72,9 +77,19 @@ class Link:
         self._reply_bytes = 0
         self._energised.clear()
         self._asked_s = -float("inf")
-        self._answered_s = None
+        self._answered_s = self._unanswered_since_s = None
         self.battery_mv = None
         self._up = not self._dirty
+
+    def begin_counting(self) -> None:
+        """All counts from 0."""
+        self.write_errors = self._questions = self._unanswered = self._bad = 0
+        self._reply_latency = Latency()
+
+    @property
+    def replies(self) -> Replies:
+        """How questions were answered since ``begin_counting``."""
+        return Replies(self._questions, self._unanswered, self._bad, self._reply_latency.percentiles())
 
     def resynchronise(self) -> bool:
         """Makes a board that may hold part of a frame ready for the next one; whether the stream was dirty.
@@ -129,6 +144,12 @@ class Link:
         """Whether more than a frame is still waiting in the port."""
         return self._transport.pending_bytes() > self._board.quirks.longest_frame_bytes
 
+    def is_late(self, now_s: float) -> bool:
+        """Whether a board that used to answer has not for ``LATE_ANSWER_S``: a slow radio link may hold back bytes where no
+        port tells of them."""
+        since_s = self._unanswered_since_s
+        return self._answers and since_s is not None and now_s - since_s > LATE_ANSWER_S
+
     def attend(self, now_s: float, energised: Sequence[bool] = ()) -> Answer | None:
         """Reads what came, asks for a sign of life when it is time, and judges silence. ``now_s`` is wall time.
 
@@ -146,6 +167,8 @@ class Link:
         answer = self._listen()
         if answer is not None:
             self._answered_s, self._answers = now_s, True
+            self._reply_latency.add(now_s - self._asked_s)
+            self._unanswered_since_s = None
             self.battery_mv = answer.health.battery_mv
         if self._liveness_period_s is None:
             return answer
@@ -153,13 +176,17 @@ class Link:
             raise self.lost(f"the board has not answered for {self._liveness_limit_s:g} s")
         if now_s - self._asked_s >= self._liveness_period_s:
             self._asked_s = now_s
+            self._unanswered += self._unanswered_since_s is not None
+            self._questions += 1
+            if self._unanswered_since_s is None:
+                self._unanswered_since_s = now_s
             self._ask(energised)
         return answer
 
     def _ask(self, energised: Sequence[bool]) -> None:
         self._read()  # what is left over belongs to no question of ours
         if self._reply_bytes and self._reply:
-            self.bad_replies += 1
+            self._bad += 1
         query = self._board.encode_query(self._channels)
         self._reply.clear()
         self._reply_bytes = query.reply_bytes

@@ -1,7 +1,7 @@
 """How a bridge knows that a port is the virtual prototype: not by its name, but by what its living owner keeps by it.
 
-Beside the link ``L`` the prototype keeps ``L.lock`` (locked while it lives), ``L.json`` (this handshake) and
-``L.observer`` (a Unix socket, see the prototype's observer).
+Beside the link ``L`` the prototype keeps ``L.lock`` (locked while it lives), ``L.json`` (this handshake), ``L.observer``
+and ``L.faults`` (Unix sockets, see the prototype's observer and ``fault_injection``).
 """
 
 from __future__ import annotations
@@ -60,6 +60,11 @@ def handshake_path(link: Path) -> Path:
 def observer_path(link: Path) -> Path:
     """The observer's socket."""
     return link.with_name(link.name + ".observer")
+
+
+def faults_path(link: Path) -> Path:
+    """The socket where it is told to fail."""
+    return link.with_name(link.name + ".faults")
 
 
 def write_handshake(link: Path, handshake: Handshake) -> None:

@@ -165,7 +165,7 @@ def test_short_and_corrupted_answers_are_asked_again_and_at_last_a_lost_link(spe
         setup.transport.mute = True
     with pytest.raises(LinkLost, match="has not answered for 4 s"):
         setup.link.attend(5.0, ALL_ON)
-    assert setup.link.bad_replies == (0 if spoilt == b"" else 2), "each is counted by the question after it"
+    assert setup.link.replies.bad == (0 if spoilt == b"" else 2), "each is counted by the question after it"
 
 
 @pytest.mark.parametrize("spec", ["ssc32", "maestro"])

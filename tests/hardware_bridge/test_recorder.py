@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import subprocess
-import sys
 import threading
 from pathlib import Path
 
@@ -21,6 +17,7 @@ from hardware_bridge.errors import RecorderError, SchemaError
 from hardware_bridge.journal import finish_journal
 from hardware_bridge.recorder import Recorder, recorded_topic
 from tests.hardware_bridge.helpers import wait_for
+from tests.hardware_bridge.killing import kill_while_writing
 from tests.hardware_bridge.test_schemas import SCHEMAS
 
 STORE = get_typestore(Stores.ROS2_JAZZY)
@@ -273,36 +270,11 @@ def test_a_journal_with_a_cut_tail_gives_every_whole_message(tmp_path: Path, cut
     assert len(decoded(log.path)) == recording.messages
 
 
-WRITER = """
-import sys
-from pathlib import Path
-from hardware_bridge.recorder import Recorder
-log = Recorder(Path(sys.argv[1]), lambda name: "string data\\n")
-number = 0
-while True:
-    log.write("x", "std_msgs/msg/String", b"\\0\\1\\0\\0\\2\\0\\0\\0a\\0", number)
-    number += 1
-    if number % 50 == 0:
-        log.sync()
-        print(log.messages_written, flush=True)
-"""
-
-
-def test_killed_while_writing_no_acknowledged_message_is_lost(tmp_path: Path) -> None:
-    path = tmp_path / "a.mcap"
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(each for each in sys.path if each)}
-    with subprocess.Popen([sys.executable, "-c", WRITER, str(path)], stdout=subprocess.PIPE, env=environment) as process:
-        assert process.stdout is not None
-        acknowledged = 0
-        while acknowledged < 300:
-            acknowledged = int(process.stdout.readline())
-        process.send_signal(signal.SIGKILL)
-        rest = process.stdout.read().split(b"\n")[:-1]
-    acknowledged = int(rest[-1]) if rest else acknowledged
-    recording = finish_journal(path.with_name("a.mcap.journal"), path)
-    assert recording.messages >= acknowledged
-    numbers = [each.message.log_time for each in decoded(path)]
-    assert numbers == list(range(recording.messages))
+@pytest.mark.parametrize("seed", range(4))
+def test_killed_while_writing_no_acknowledged_message_is_lost(tmp_path: Path, seed: int) -> None:
+    left = kill_while_writing(tmp_path, seed)
+    assert len(left.by_mcap) >= left.acknowledged > 0
+    assert left.by_mcap == left.by_rosbags == list(range(len(left.by_mcap)))
 
 
 def test_writing_never_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

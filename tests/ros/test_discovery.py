@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from sixstrut_cli.faults.processes import wait_until
 from tensegrity_robot.discovery import PROFILES, RANGE, TRANSPORTS, discovery_changes, loopback_profile
-from tests.ros.processes import wait_until
 
 PROFILE = Path(__file__)  # any file that exists
 

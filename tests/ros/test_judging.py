@@ -6,9 +6,9 @@ import time
 
 import pytest
 
+from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
-from tests.ros.processes import wait_until
 
 pytestmark = pytest.mark.ros
 

@@ -14,9 +14,9 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from std_srvs.srv import Trigger
 
 from hardware_bridge.codecs.lsc import FrameDecoder, decode_move
+from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
-from tests.ros.processes import wait_until
 
 pytestmark = pytest.mark.ros
 
@@ -58,7 +58,7 @@ class Life:
 
     def __init__(self, processes, operator, board, tmp_path):
         calibration = tmp_path / "calibration.yaml"
-        calibration.write_text(DEFAULT_CALIBRATION)
+        calibration.write_text(OWN_CALIBRATION)
         self.operator, self.board = operator, board
         self.process = processes.start("hardware_bridge", autostart=False, port=board.link, calibration=calibration)
         self._change = operator.node.create_client(ChangeState, "hardware_bridge/change_state")
@@ -188,8 +188,8 @@ def test_diagnostics_tell_what_a_person_needs(life):
     wait_until(lambda: seen["hardware_bridge: link"].message.startswith("lost"), 10.0, "a lost link in the diagnostics")
 
 
-DEFAULT_CALIBRATION = "mid_stroke_length_m: 0.234\nstruts:\n" + "".join(
+OWN_CALIBRATION = "mid_stroke_length_m: 0.234\nstruts:\n" + "".join(
     f"  S{n}: {{channel: {n}, pulse_at_zero_us: 1500, us_per_mm: 10.0, direction: 1, trim_us: 0, "
-    "stroke_mm: [-50, 50], pulse_us: [1000, 2000]}\n"
+    "stroke_mm: [-49, 49], pulse_us: [1000, 2000]}\n"
     for n in range(1, 7)
 )

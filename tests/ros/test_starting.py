@@ -6,6 +6,7 @@ import math
 import os
 import signal
 import tty
+from importlib.resources import files
 
 import pytest
 from lifecycle_msgs.msg import State
@@ -13,9 +14,9 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, FaceGraph
-from tests.ros.processes import wait_until
 
 pytestmark = pytest.mark.ros
 
@@ -80,23 +81,13 @@ def one_line_error(process) -> str:
     return lines[0]
 
 
-def test_a_missing_port_is_a_one_line_error(processes):
-    error = one_line_error(processes.start("hardware_bridge", port="/dev/does_not_exist"))
-    assert "port /dev/does_not_exist: does not exist; start the virtual prototype, or power the robot" in error
-
-
-def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(processes, operator, real_port):
-    processes.start("hardware_bridge", port=real_port)
+@pytest.mark.parametrize("copied", [False, True])
+def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(processes, operator, real_port, copied):
+    unedited = files("hardware_bridge") / "data" / "calibration_default.yaml"
+    processes.start("hardware_bridge", port=real_port, **({"calibration": unedited} if copied else {}))
     answer = operator.call("bridge/arm", Arm.Request(lifted_and_clear=True, confirmed_lengths_m=[0.234] * 6))
     assert not answer.success
     assert "the calibration is the virtual prototype's: measure the robot's own" in answer.message
-
-
-def test_a_busy_port_is_a_one_line_error(processes, real_port):
-    first = processes.start("hardware_bridge", port=real_port)
-    first.says("DISARMED, nothing moves")
-    assert f"port {real_port}: is in use" in one_line_error(processes.start("hardware_bridge", port=real_port))
-    assert first.code is None
 
 
 def test_a_real_port_has_no_time_scale(processes, real_port):

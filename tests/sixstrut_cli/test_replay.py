@@ -9,7 +9,7 @@ import pytest
 from hardware_bridge.bag_reader import Session, read_session
 from sim_core.model import build_model
 from sixstrut_cli.outcomes import outcomes_of
-from sixstrut_cli.replaying import ReplayError, events_of, model_of, replay
+from sixstrut_cli.replaying import ReplayError, events_of, model_of, replay, require_same_model
 
 BAG = Path(__file__).parents[2] / "bags" / "example.mcap"
 
@@ -77,3 +77,13 @@ def test_tries_and_outcomes_are_read_from_what_was_asked_and_seen(session):
     assert [tries[0].source, *(t.returned for t in tries)] == [check.observed for check in replay(session).faces]
     assert all(t.succeeded(t.returned) for t in tries)
     assert all(any(t.policy) for t in tries)
+
+
+def test_a_bag_of_another_model_is_refused_with_both_hashes(session):
+    require_same_model(session, model_of(session))
+    nominal = model_of(session)
+    heavier = build_model(replace(nominal.prototype, box_mass_kg=nominal.prototype.box_mass_kg * 1.05))
+    with pytest.raises(ReplayError) as caught:
+        require_same_model(session, heavier)
+    assert nominal.hash in str(caught.value)
+    assert heavier.hash in str(caught.value)

@@ -14,9 +14,10 @@ from numpy.typing import NDArray
 
 from hardware_bridge.calibration import Calibration
 from hardware_bridge.clock import RobotClock
-from hardware_bridge.virtual_port import Handshake, observer_path
+from hardware_bridge.virtual_port import Handshake, faults_path, observer_path
 from hardware_bridge.virtual_prototype.board import EmulatedBoard
 from hardware_bridge.virtual_prototype.body import Body
+from hardware_bridge.virtual_prototype.faults import Faults
 from hardware_bridge.virtual_prototype.lsc_board import EmulatedLsc
 from hardware_bridge.virtual_prototype.observer import PERIOD_S, Observer
 from hardware_bridge.virtual_prototype.outputs import Outputs
@@ -63,10 +64,12 @@ class VirtualPrototype:
         self._calibration = calibration
         self._board = EmulatedLsc() if board is None else board
         self._outputs = Outputs()
+        self._targets_m = np.full(6, np.nan)
         self._time_scale = time_scale
         self._port = PseudoPort(link)
         try:
             self._observer = Observer(observer_path(link))
+            self._faults = Faults(faults_path(link), self._port, self._board)
             self._clock = RobotClock(time_scale)
             instance, observer = secrets.token_hex(8), str(self._observer.path)
             handshake = Handshake(os.getpid(), instance, self._port.device, time_scale, observer, self._board.spec)
@@ -86,14 +89,18 @@ class VirtualPrototype:
         """One round: bytes in, replies out, a chunk of the body's time, observations. Waits less than 50 ms."""
         slack_s = (self._body.time_s + SLICE_S - self._now_s()) / self._time_scale
         full = self._board.waiting_bytes >= _MOST_WAITING_BYTES
-        readers: list[PseudoPort | Observer] = [self._observer] if full else [self._port, self._observer]
+        readers: list[PseudoPort | Observer | Faults] = [self._observer, self._faults, *([] if full else [self._port])]
         readable, _, _ = select.select(readers, [], [], min(max(slack_s, 0.0), 0.02))
         if self._observer in readable:
             self._observer.accept()
         now_s = self._now_s()
+        if self._faults in readable:
+            self._faults.attend(now_s)
         if self._port in readable:
-            self._board.receive(self._port.read(_MOST_WAITING_BYTES), now_s)
-        reply = self._board.process(now_s)
+            self._faults.to_board.put(self._port.read(_MOST_WAITING_BYTES), now_s)
+        self._board.receive(self._faults.to_board.take(now_s), now_s)
+        self._faults.from_board.put(self._board.process(now_s), now_s)
+        reply = self._faults.from_board.take(now_s)
         if reply:
             self._port.write(reply)
         self._advance_body(min(now_s, self._body.time_s + CHUNK_S))
@@ -103,12 +110,14 @@ class VirtualPrototype:
     def close(self) -> None:
         """Removes everything that was put beside the link, and the link."""
         self._observer.close()
+        self._faults.close()
         self._port.close()
 
     def _attend_supply(self, now_s: float) -> None:
         """The board hangs on the same supply as the motors: it tells the voltage, and resets when that is too low."""
-        if self._body.supply_v is not None:
-            self._board.battery_mv = round(self._body.supply_v * 1e3)
+        supply_v = self._faults.supply_v(self._body.supply_v, now_s)
+        if supply_v is not None:
+            self._board.battery_mv = round(supply_v * 1e3)
         if self._body.take_brown_out():
             _log.warning("the supply broke down under the motors' load: the board resets")
             self._board.reset(now_s)
@@ -129,7 +138,8 @@ class VirtualPrototype:
             while orders and orders[0][0] <= time_s:
                 at_s, order = orders.popleft()
                 self._outputs.follow(order, at_s)
-            self._body.set_targets(self._targets_m(time_s))
+            self._targets_m = self._faults.stalled(self._commanded_m(time_s), self._targets_m)
+            self._body.set_targets(self._targets_m)
             before_s = self._body.time_s
             self._body.advance_to(time_s + 1e-9)
             if self._body.time_s >= self._observe_s:
@@ -138,7 +148,7 @@ class VirtualPrototype:
             if self._body.time_s <= before_s:
                 return
 
-    def _targets_m(self, time_s: float) -> NDArray[np.float64]:
+    def _commanded_m(self, time_s: float) -> NDArray[np.float64]:
         lengths_m = np.full(6, np.nan)
         for index, strut in enumerate(self._calibration.struts):
             pulse_us = self._outputs.pulse_us(strut.channel, time_s)

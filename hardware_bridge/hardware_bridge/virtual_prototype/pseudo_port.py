@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import os
+import termios
 import time
 import tty
 from pathlib import Path
@@ -69,6 +70,10 @@ class PseudoPort:
             os.write(self._near, data)
         except BlockingIOError:
             return
+
+    def hold_back(self, on: bool) -> None:
+        """Makes the far end take no more bytes, as a radio link that is out of range does, or take them again."""
+        termios.tcflow(self._far, termios.TCOOFF if on else termios.TCOON)
 
     def close(self) -> None:
         """Removes link and handshake, if they are still ours, and ends the line."""

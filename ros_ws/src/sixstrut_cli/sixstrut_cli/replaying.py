@@ -11,6 +11,7 @@ import yaml
 from hardware_bridge.bag_reader import Session
 from hardware_bridge.errors import BridgeError
 from sim_core.follow import Event, Follower, Observed, Sent
+from sim_core.frozen import label_of
 from sim_core.model import Model, build_model
 from sim_core.parameters import load_prototype, parse_prototype
 
@@ -69,6 +70,20 @@ def model_of(session: Session) -> Model:
     if data is None:
         return build_model(load_prototype())
     return build_model(parse_prototype(yaml.safe_load(data), f"{session.path}: prototype.yaml"))
+
+
+def require_same_model(session: Session, model: Model) -> None:
+    """Whether the software of today makes of the bag's numbers the model that the bag was recorded with.
+
+    Raises:
+        ReplayError: It does not; both hashes are named.
+    """
+    recorded, built = session.metadata.get("session", {}).get("model", ""), label_of(model.hash)
+    if recorded and recorded != built:
+        raise ReplayError(
+            f"{session.path} was recorded with model {recorded}, its numbers now give model {built}: its bits cannot be had back; "
+            "replay it with the software of then, or compare faces only with --compare"
+        )
 
 
 def events_of(session: Session) -> list[Event]:

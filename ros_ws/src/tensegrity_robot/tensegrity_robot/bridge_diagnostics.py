@@ -10,6 +10,8 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
 from hardware_bridge.events import Snapshot
+from hardware_bridge.latency import Percentiles
+from hardware_bridge.link import LATE_ANSWER_S
 from tensegrity_interfaces.msg import BridgeState
 
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
@@ -19,22 +21,30 @@ SLOW_WRITE_S = 0.02
 
 
 class LogFacts(NamedTuple):
-    """A bag as diagnostics tell it; `most_waiting`: messages that ever waited for the disk at once."""
+    """A bag as diagnostics tell it.
+
+    Attributes:
+        most_waiting: messages that ever waited for the disk at once.
+        free_mb: free space where it is, in MB.
+        trouble: why nothing is moved with it; empty: it is well.
+    """
 
     path: str
     messages: int
     most_waiting: int
-    fault: str
+    free_mb: float
+    trouble: str
 
 
 def diagnostics(
-    node: str, snapshot: Snapshot | None, log: LogFacts | None, observer: bool | None, hint: str, stamp: Time
+    node: str, snapshot: Snapshot | None, log: LogFacts | None, observer: bool | None, stalled: str, hint: str, stamp: Time
 ) -> DiagnosticArray:
     """What is well and what is not.
 
     Args:
         log: of the bag; None: not recording.
         observer: whether the observer is there; None: none is expected.
+        stalled: which strut it sees elsewhere than it was sent; empty: none.
         hint: what to do while there is no bridge.
     """
     if snapshot is None:
@@ -49,16 +59,18 @@ def diagnostics(
         _log(node, log, snapshot.port),
     ]
     if observer is not None:
-        told = "is there" if observer else "is not there: faces are only predicted"
-        statuses.append(_status(f"{node}: observer", OK if observer else WARN, told, snapshot.port, ()))
+        told = stalled or ("is there" if observer else "is not there: faces are only predicted")
+        statuses.append(_status(f"{node}: observer", OK if observer and not stalled else WARN, told, snapshot.port, ()))
     return DiagnosticArray(header=Header(stamp=stamp), status=statuses)
 
 
 def _link(node: str, snapshot: Snapshot) -> DiagnosticStatus:
-    latency = snapshot.write_latency
+    latency, replies = snapshot.write_latency, snapshot.replies
     level, told = OK, "open"
     if not snapshot.link_ok:
         level, told = ERROR, "lost: check power and link, then reset"
+    elif replies.latency.p99_s > LATE_ANSWER_S:
+        level, told = WARN, f"slow: a reply in a hundred takes {replies.latency.p99_s * 1e3:.0f} ms; check Bluetooth's range"
     elif latency.p99_s > SLOW_WRITE_S:
         level, told = WARN, f"slow: one frame in a hundred takes {latency.p99_s * 1e3:.0f} ms to hand over; check Bluetooth's range"
     values = (
@@ -67,12 +79,18 @@ def _link(node: str, snapshot: Snapshot) -> DiagnosticStatus:
         ("frames sent", snapshot.frames_sent),
         ("write errors", snapshot.write_errors),
         ("times opened again", snapshot.reopened),
-        ("latency of writes, median [ms]", f"{latency.median_s * 1e3:.2f}"),
-        ("latency of writes, 95 % [ms]", f"{latency.p95_s * 1e3:.2f}"),
-        ("latency of writes, 99 % [ms]", f"{latency.p99_s * 1e3:.2f}"),
-        ("latency of writes, largest [ms]", f"{latency.largest_s * 1e3:.2f}"),
+        *_percentiles("writes", latency),
+        ("questions asked", replies.questions),
+        ("questions asked again", replies.unanswered),
+        ("bad replies", replies.bad),
+        *_percentiles("replies", replies.latency),
     )
     return _status(f"{node}: link", level, told, snapshot.port, values)
+
+
+def _percentiles(of: str, latency: Percentiles) -> list[tuple[str, str]]:
+    parts = (("median", latency.median_s), ("95 %", latency.p95_s), ("99 %", latency.p99_s), ("largest", latency.largest_s))
+    return [(f"latency of {of}, {part} [ms]", f"{seconds * 1e3:.2f}") for part, seconds in parts]
 
 
 def _supervisor(node: str, snapshot: Snapshot) -> DiagnosticStatus:
@@ -84,7 +102,7 @@ def _supervisor(node: str, snapshot: Snapshot) -> DiagnosticStatus:
 
 def _frames(node: str, snapshot: Snapshot) -> DiagnosticStatus:
     level = WARN if snapshot.congested_periods else OK
-    told = "the port held back frames" if snapshot.congested_periods else "on time"
+    told = "held back because the link was slow" if snapshot.congested_periods else "on time"
     values = (("late periods", snapshot.late_periods), ("congested periods", snapshot.congested_periods))
     return _status(f"{node}: frames", level, told, snapshot.port, values)
 
@@ -116,8 +134,13 @@ def _board(node: str, snapshot: Snapshot) -> DiagnosticStatus:
 def _log(node: str, log: LogFacts | None, port: str) -> DiagnosticStatus:
     if log is None:
         return _status(f"{node}: log", OK, "not recording", port, ())
-    values = (("bag", log.path), ("messages", log.messages), ("most waiting", log.most_waiting))
-    return _status(f"{node}: log", ERROR if log.fault else OK, log.fault or "growing", port, values)
+    values = (
+        ("bag", log.path),
+        ("messages", log.messages),
+        ("most waiting", log.most_waiting),
+        ("free space [MB]", f"{log.free_mb:.0f}"),
+    )
+    return _status(f"{node}: log", ERROR if log.trouble else OK, log.trouble or "growing", port, values)
 
 
 def _status(name: str, level: bytes, told: str, hardware: str, values: Sequence[tuple[str, object]]) -> DiagnosticStatus:

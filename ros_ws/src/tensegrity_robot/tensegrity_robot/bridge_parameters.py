@@ -45,8 +45,14 @@ class BridgeParameters:
     state_folder: str = parameter("", "where the last pulses are kept; empty: $SIXSTRUT_STATE_DIR or ~/.local/state/sixstrut")
     record: bool = parameter(True, "record the session as a bag")
     bag_folder: str = parameter("", "where bags go; empty: $SIXSTRUT_BAGS or ./bags")
+    space_limit_mb: float = parameter(
+        200.0, "free space where bags go below which nothing is armed or moved [MB]", low=1.0, high=1e7
+    )
     library: str = parameter("robust", "gait library whose file goes into the bag: a shipped name, or a path")
     prototype_file: str = parameter("", "YAML of the robot's numbers, to judge shapes and for the bag; empty: the nominal ones")
+    stall_limit_m: float = parameter(
+        0.005, "a strut at rest, seen farther than this from where it was sent, has stalled [m]", low=0.001, high=0.1
+    )
     frame: str = parameter("odom", "frame of observed joints")
     autostart: bool = parameter(True, "open the port and go active at once; nothing moves")
 

@@ -24,6 +24,7 @@ from hardware_bridge.codecs.registry import parse_board
 from hardware_bridge.errors import BridgeError, PortMissing, Refused
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.protocol import Mode
+from hardware_bridge.trajectory import Trajectory
 from hardware_bridge.virtual_port import default_link, read_handshake
 from sim_core.errors import SimError
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
@@ -33,6 +34,8 @@ from tensegrity_robot.bridge_diagnostics import LogFacts
 from tensegrity_robot.bridge_parameters import BridgeParameters, rules_of, session_files
 from tensegrity_robot.errors import StartError
 from tensegrity_robot.filters import EventTimes
+from tensegrity_robot.log_watch import LogWatch
+from tensegrity_robot.motion_conditions import MotionConditions
 from tensegrity_robot.motion_server import MotionServer
 from tensegrity_robot.observing import Observing
 from tensegrity_robot.parameters import declare_parameters
@@ -44,11 +47,6 @@ from tensegrity_robot.shape_rule import ShapeRule
 FEEDBACK_PERIOD_S = 0.1
 STATE_PERIOD_S = 0.5
 NO_PROTOTYPE = "no virtual prototype is running: start one with `ros2 run tensegrity_robot virtual_prototype`, or give a port"
-
-UNCALIBRATED = (
-    "a real port, but the calibration is the virtual prototype's: measure the robot's own with `./sixstrut calibrate` and start "
-    "the bridge with calibration:=FILE"
-)
 
 SET_ON_THE_BOARD = (
     "what cannot be set from here, and must be set in Pololu's Control Center: home of the six channels on Ignore, speed and "
@@ -64,6 +62,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._end = end
         self._settings = p = declare_parameters(self, BridgeParameters)
         self._bridge: Bridge | None = None
+        self._conditions: MotionConditions | None = None
         self._shape_rule: ShapeRule | None = None
         self._times = EventTimes()
         self._active = False
@@ -73,7 +72,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._hinted = False
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._make_topics()
-        self._motions = MotionServer(self, self.ready, lambda asked: self._topics.publish(self._asked, asked))
+        self._motions = MotionServer(self, self.ready, self._permit, lambda asked: self._topics.publish(self._asked, asked))
         self._calls = BridgeCalls(self, self)
         self.create_timer(FEEDBACK_PERIOD_S, self._motions.attend, clock=self._steady)
         self.create_timer(STATE_PERIOD_S, self._publish_state, clock=self._steady)
@@ -91,7 +90,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._face = topics.publisher(FaceObservation, "bridge/face", qos.FACES)
         self._state = topics.publisher(BridgeState, "bridge/state", qos.LATCHED)
         self._joint_states = topics.publisher(JointState, "bridge/joint_states", qos.STATES)
-        self._observing = Observing(self, topics, self._settings.frame)
+        self._observing = Observing(self, topics, self._settings.frame, self._settings.stall_limit_m)
         self._diagnostics = topics.publisher(DiagnosticArray, "/diagnostics", qos.STATES)
         topics.record(TwinState, "twin/state", qos.STATES, self._follows_this_stream)
         topics.record(Rehearsal, "rehearsal", qos.LATCHED)
@@ -195,11 +194,14 @@ class HardwareBridgeNode(LifecycleNode):
             bridge.stop(self._latched)
         snapshot = bridge.snapshot()
         kind = "the virtual prototype" if snapshot.virtual_port else "a real port"
+        watch = None
         if self._topics.log is not None:
             facts |= {"port": port, "kind": kind, "board": bridge.board.spec}
             facts |= {"time_scale": f"{snapshot.time_scale:g}", "calibration": rules.calibration.hash}
             self._topics.log.open(bag_folder(p.bag_folder), self._topics.types, attachments, facts)
+            watch = LogWatch(self._topics.log, p.space_limit_mb)
             threading.Thread(target=self._mend_journals, name="mend", daemon=True).start()
+        self._conditions = MotionConditions(bridge, self._observing, watch, facts.get("library", ""))
         self._observing.begin(bridge, p.observer)
         bag = f", recording {self._topics.log.path}" if self._topics.log else ", not recording"
         self.get_logger().info(
@@ -210,7 +212,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._publish_diagnostics()
 
     def _close_bridge(self) -> None:
-        bridge, self._bridge = self._bridge, None
+        bridge, self._bridge, self._conditions = self._bridge, None, None
         log, self._topics.log = self._topics.log, None
         try:
             if bridge is not None:
@@ -238,8 +240,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._topics.publish(self._sent, bridge_messages.struts_sent(event, header))
         self._topics.publish(self._joint_states, messages.joint_states(header.stamp, np.array(event.lengths_m)))
         self._times.add(event.seq, event.robot_time_ns)
-        if not event.heartbeat:
-            self._observing.moved()
+        self._observing.heard(event)
 
     def _on_bridge_face(self, event: FaceEvent) -> None:
         header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
@@ -253,6 +254,8 @@ class HardwareBridgeNode(LifecycleNode):
 
     def _on_log_fault(self, problem: str) -> None:
         self.get_logger().error(f"the log is dead: {problem}")
+        if self.executor is not None:
+            self.executor.create_task(self._attend_log)
 
     # ---- for its calls ----------------------------------------------------------------------------------------------
 
@@ -271,12 +274,16 @@ class HardwareBridgeNode(LifecycleNode):
 
     def confirmed_lengths_m(self) -> list[float | None] | None:
         """What an observer sees of struts of unknown length. Raises Refused: this robot must not be armed now."""
-        snapshot, log = self.bridge().snapshot(), self._topics.log
-        if log is not None and log.fault:
-            raise Refused(f"the log is dead ({log.fault}): start the bridge again, or without a log (record:=false)")
-        if not self._settings.calibration and not snapshot.virtual_port:
-            raise Refused(UNCALIBRATED)
+        snapshot, conditions = self.bridge().snapshot(), self._conditions
+        assert conditions is not None
+        conditions.require_armable()
         return self._observing.unknown_lengths_m(snapshot)
+
+    def _permit(self, trajectory: Trajectory, library_hash: str) -> None:
+        """Raises Refused: this motion must not begin now, and why."""
+        self.ready()
+        if self._conditions is not None:
+            self._conditions.require_movable(trajectory, library_hash)
 
     # ---- publishing -------------------------------------------------------------------------------------------------
 
@@ -302,17 +309,26 @@ class HardwareBridgeNode(LifecycleNode):
             if failure is not None:
                 self.get_logger().fatal(str(failure))
                 self._end(1)
+        self._attend_log()
         self._publish_diagnostics()
+
+    def _attend_log(self) -> None:
+        conditions = self._conditions
+        if conditions is not None and (held_for := conditions.attend()):
+            self.get_logger().error(f"the motion is held: {held_for}")
 
     def _publish_diagnostics(self) -> None:
         told = self._topics.log
-        log = None if told is None else LogFacts(str(told.path), told.messages, told.most_waiting, told.fault)
+        watch = None if self._conditions is None else self._conditions.watch
+        log = None
+        if told is not None and watch is not None:
+            log = LogFacts(str(told.path), told.messages, told.most_waiting, watch.free_mb, watch.trouble)
         snapshot = None if self._bridge is None else self._bridge.snapshot()
         stamp = self.get_clock().now().to_msg()
-        self._topics.publish(
-            self._diagnostics,
-            bridge_diagnostics.diagnostics(self.get_name(), snapshot, log, self._observing.there, self._hint, stamp),
-        )
+        stalled = "" if snapshot is None else self._observing.stalled(snapshot)
+        there = self._observing.there
+        told_now = bridge_diagnostics.diagnostics(self.get_name(), snapshot, log, there, stalled, self._hint, stamp)
+        self._topics.publish(self._diagnostics, told_now)
 
 
 def main(args: list[str] | None = None) -> int:

@@ -13,6 +13,7 @@ from trajectory_msgs.msg import JointTrajectory
 from hardware_bridge.bridge import Bridge
 from hardware_bridge.errors import BridgeError, Refused
 from hardware_bridge.motion import MotionHandle
+from hardware_bridge.trajectory import Trajectory
 from tensegrity_interfaces.action import ExecuteStruts
 from tensegrity_robot import bridge_messages, messages
 from tensegrity_robot.elsewhere import elsewhere
@@ -21,10 +22,21 @@ from tensegrity_robot.elsewhere import elsewhere
 class MotionServer:
     """Serves `execute_struts` of a node. All but its making happens in the executor's thread."""
 
-    def __init__(self, node: LifecycleNode, ready: Callable[[], Bridge], accepted: Callable[[JointTrajectory], None]):
-        """Args: ready: the bridge, if commands are taken, or raises Refused. accepted: told each accepted goal."""
+    def __init__(
+        self,
+        node: LifecycleNode,
+        ready: Callable[[], Bridge],
+        permit: Callable[[Trajectory, str], None],
+        accepted: Callable[[JointTrajectory], None],
+    ):
+        """Args:
+        ready: the bridge, if commands are taken, or raises Refused.
+        permit: raises Refused if a motion, with the hash of its library, must not begin now.
+        accepted: told each accepted goal.
+        """
         self._node = node
         self._ready = ready
+        self._permit = permit
         self._accepted = accepted
         self._motions: list[tuple[ServerGoalHandle, Bridge, MotionHandle, Future]] = []
         self._server = ActionServer(node, ExecuteStruts, "execute_struts", self._execute, cancel_callback=self._on_cancel)
@@ -59,6 +71,7 @@ class MotionServer:
             now_ns = self._node.get_clock().now().nanoseconds
             age_s = (now_ns - messages.nanoseconds(request.trajectory.header.stamp)) * 1e-9
             trajectory = bridge_messages.trajectory_of(request.trajectory)
+            self._permit(trajectory, request.library_hash)
             await elsewhere(self._node, lambda: bridge.judge_motion(trajectory, request.lease), "judge a motion")
             if self._ready() is not bridge:
                 raise Refused("the bridge was opened anew while the motion was judged; arm again")

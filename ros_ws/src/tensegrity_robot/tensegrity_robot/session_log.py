@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import IO
 
-from hardware_bridge.errors import BridgeError
+from hardware_bridge.errors import BridgeError, RecorderError
 from hardware_bridge.journal import finish_journal
 from hardware_bridge.recorder import Recorder
 from hardware_bridge.schemas import ShareSchemas
@@ -101,6 +101,11 @@ class SessionLog:
         return self._recorder.messages_written if self._recorder else 0
 
     @property
+    def waiting(self) -> int:
+        """Messages that wait for the disk now."""
+        return self._recorder.waiting if self._recorder else 0
+
+    @property
     def most_waiting(self) -> int:
         """Largest number of messages that ever waited for the disk."""
         return self._recorder.most_waiting if self._recorder else 0
@@ -118,7 +123,11 @@ class SessionLog:
         Raises:
             BridgeError, OSError: it cannot be written.
         """
-        folder.mkdir(parents=True, exist_ok=True)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            problem = f"cannot be made ({error.strerror}); give another bag_folder, or do without a log (record:=false)"
+            raise RecorderError(str(folder), problem) from error
         schemas = ShareSchemas()
         recorder = Recorder(bag_name(folder, time.gmtime()), schemas.schema_text, type_hash=schemas.type_hash, on_fault=self._fail)
         self._owner = recorder.journal.open("rb")  # its lock says that the session lives, see mend_journals

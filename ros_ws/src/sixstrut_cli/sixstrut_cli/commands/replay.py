@@ -14,11 +14,13 @@ from sixstrut_cli.commands.options import JsonOption
 def command(
     bag: Annotated[Path, typer.Argument(help="An .mcap file that the bridge recorded.")],
     picture: Annotated[Path | None, typer.Option(help="Write a PNG of the session here.", show_default=False)] = None,
+    compare: Annotated[bool, typer.Option("--compare", help="Also a bag of another model: compare its faces only.")] = False,
     as_json: JsonOption = False,
 ) -> None:
     """Step the twin through the commands that were sent; compare faces with those observed, bits with the live twin's.
 
-    Exit code 0: same bits as live and on the recorded face at the end; 4: not.
+    Exit code 0: same bits as live and on the recorded face at the end; 4: not. A bag that was recorded with another model is
+    refused with both hashes.
 
     sixstrut replay bags/example.mcap
     sixstrut replay bags/example.mcap --picture session.png
@@ -28,13 +30,16 @@ def command(
     from hardware_bridge.bag_reader import read_session
     from sim_core.warm_up import Stage
     from sixstrut_cli.compiling import compile_first
-    from sixstrut_cli.replaying import replay
+    from sixstrut_cli.replaying import model_of, replay, require_same_model
 
     session = read_session(bag)
+    model = model_of(session)
+    if not compare:
+        require_same_model(session, model)
     compile_first(Stage.ROBOT)
     with Progress(transient=True, disable=as_json) as bar:
         task = bar.add_task("replaying", total=None)
-        result = replay(session, report=lambda done, total: bar.update(task, completed=done, total=total))
+        result = replay(session, model, report=lambda done, total: bar.update(task, completed=done, total=total))
     same_bits = result.same_states == result.live_states
     same_face = result.recorded is None or result.final == result.recorded
     if picture is not None:

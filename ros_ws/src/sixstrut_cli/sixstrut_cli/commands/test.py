@@ -10,6 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 from types import FrameType
+from typing import Annotated
 
 import typer
 
@@ -22,15 +23,25 @@ _CHECKS = {
 }
 
 
-def command(context: typer.Context) -> None:
+_SOAK = ["tests/soak", "-m", "soak", "-q"]
+
+
+def command(
+    context: typer.Context,
+    soak: Annotated[bool, typer.Option("--soak", help="The long tests instead, with their figures: a quarter of an hour.")] = False,
+) -> None:
     """Run the linter, the format check, the type checker and all tests.
 
     With arguments, run only pytest with these: ./sixstrut test tests/unit -k codec
+
+    With --soak, run the long ones: a million byte sequences through every decoder, 200 killed recorders, 200 stops under load, an
+    hour of robot time with faults at random. They need a machine that is not busy.
     """
     root = _root()
     signal.signal(signal.SIGTERM, _on_sigterm)
-    pytest = {"pytest": ["-m", "pytest", *(context.args or ["--durations=10"])]}
-    steps = pytest if context.args else _CHECKS | pytest
+    chosen = [*(_SOAK if soak else []), *context.args]
+    pytest = {"pytest": ["-m", "pytest", *(chosen or ["--durations=10"])]}
+    steps = pytest if chosen else _CHECKS | pytest
     with tempfile.TemporaryDirectory(prefix="sixstrut-test-") as state:
         environ = _isolated(state)
         print(f"ROS domain {environ['ROS_DOMAIN_ID']}", flush=True)

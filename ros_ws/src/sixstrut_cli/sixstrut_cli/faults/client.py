@@ -8,6 +8,7 @@ from contextlib import suppress
 from typing import Any
 
 import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
@@ -17,10 +18,10 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from sixstrut_cli.faults.processes import START_LIMIT_S, wait_until
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, Rehearsal, StrutsSent, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, FaceGraph, SetFace
-from tests.ros.processes import START_LIMIT_S, wait_until
 
 ANSWER_LIMIT_S = 15.0
 LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -31,6 +32,7 @@ class Operator:
 
     Attributes:
         bridge, twin, face, rehearsal: newest bridge state, twin state, observed face and rehearsal; None before the first.
+        diagnostics: newest status of each part, by name.
         sent: every StrutsSent heard.
         feedback: phases of the last roll, in order.
         lease: proven by `keep_alive` while set.
@@ -44,6 +46,7 @@ class Operator:
         self.twin: Any = None
         self.face: Any = None
         self.rehearsal: Any = None
+        self.diagnostics: dict[str, Any] = {}
         self.sent: list[Any] = []
         self.feedback: list[str] = []
         self.lease = ""
@@ -52,6 +55,7 @@ class Operator:
         subscribe(TwinState, "twin/state", lambda message: setattr(self, "twin", message), 10)
         subscribe(FaceObservation, "bridge/face", lambda message: setattr(self, "face", message), LATCHED)
         subscribe(Rehearsal, "rehearsal", lambda message: setattr(self, "rehearsal", message), LATCHED)
+        subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
         subscribe(StrutsSent, "bridge/struts_sent", self.sent.append, 1000)
         self._proof = self.node.create_publisher(LeaseProof, "bridge/lease", 10)
         self.node.create_timer(0.2, self._keep_alive)
@@ -89,6 +93,14 @@ class Operator:
         self.node.destroy_node()
         self._context.try_shutdown()
 
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        self.diagnostics.update({status.name: status for status in message.status})
+
+    def diagnosis(self, part: str) -> dict[str, str]:
+        """The newest values of a part of the bridge's diagnostics; none before the first."""
+        status = self.diagnostics.get(f"hardware_bridge: {part}")
+        return {} if status is None else {pair.key: pair.value for pair in status.values}
+
     # ---- waiting ----------------------------------------------------------------------------------------------------
 
     def meets_stack(self) -> None:
@@ -121,8 +133,18 @@ class Operator:
     def wrote_since(self, began_ns: int) -> bool:
         """Whether anything was written to the board since then, as the stream tells it up to now."""
         now_ns = self.now_ns()
-        wait_until(lambda: self.sent and _stamp_ns(self.sent[-1]) > now_ns, 20.0, "the next heartbeat")
-        return any(_stamp_ns(message) > began_ns and not message.heartbeat for message in self.sent)
+        wait_until(lambda: self.sent and self.stamp_ns(self.sent[-1]) > now_ns, 20.0, "the next heartbeat")
+        return any(self.stamp_ns(message) > began_ns and not message.heartbeat for message in self.sent)
+
+    @staticmethod
+    def stamp_ns(message: Any) -> int:
+        """ROS time of a message, in ns."""
+        return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
+
+    def hears_more(self, count: int) -> None:
+        """Wait for so many more events of the bridge's stream."""
+        seq = self.sent[-1].seq if self.sent else 0
+        wait_until(lambda: self.sent and self.sent[-1].seq > seq + count, 20.0, f"{count} more events of the bridge")
 
     def now_ns(self) -> int:
         return self.node.get_clock().now().nanoseconds
@@ -141,6 +163,19 @@ class Operator:
 
     def trigger(self, name: str) -> Any:
         return self.call(name, Trigger.Request())
+
+    def trigger_at(self, name: str) -> int:
+        """As `trigger`; the ROS time at which it was called, in ns."""
+        client = self._clients[name]
+        wait_until(client.service_is_ready, START_LIMIT_S, f"service {name}")
+        called: list[int] = []
+
+        def ask() -> Any:
+            called.append(self.now_ns())
+            return client.call_async(Trigger.Request())
+
+        self._result(self._from_executor(ask), f"the answer of {name}")
+        return called[0]
 
     def arm(self) -> None:
         """Through the planner, until ARMED."""
@@ -170,7 +205,9 @@ class Operator:
     def cancel(self, handle: Any) -> Any:
         return self._result(self._from_executor(handle.cancel_goal_async), "the answer to cancel")
 
-    def begin_motion(self, *knots: tuple[float, list[float]], lease: str = "", age_s: float = 0.0, names: Any = None) -> Any:
+    def begin_motion(
+        self, *knots: tuple[float, list[float]], lease: str = "", age_s: float = 0.0, names: Any = None, library_hash: str = ""
+    ) -> Any:
         """The goal handle of a motion of the struts; knots are (time in s, six rest lengths in m)."""
         trajectory = JointTrajectory(joint_names=names or [f"S{number}" for number in range(1, 7)])
         stamp = self.node.get_clock().now().nanoseconds - round(age_s * 1e9)
@@ -180,7 +217,7 @@ class Operator:
             point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(time_s * 1e9), 1_000_000_000)
             trajectory.points.append(point)
         wait_until(self._struts.server_is_ready, START_LIMIT_S, "execute_struts")
-        goal = ExecuteStruts.Goal(trajectory=trajectory, lease=lease)
+        goal = ExecuteStruts.Goal(trajectory=trajectory, lease=lease, library_hash=library_hash)
         return self._send(self._struts, goal, "the answer to execute_struts")
 
     def move(self, *knots: tuple[float, list[float]], **options: Any) -> Any:
@@ -197,7 +234,3 @@ class Operator:
     def _result(self, future: Any, what: str, limit_s: float = ANSWER_LIMIT_S) -> Any:
         wait_until(future.done, limit_s, what)
         return future.result()
-
-
-def _stamp_ns(message: Any) -> int:
-    return message.header.stamp.sec * 1_000_000_000 + message.header.stamp.nanosec

@@ -1,0 +1,55 @@
+"""Runs scenarios one after the other in one lab."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from sixstrut_cli.faults.domain import free_domain
+from sixstrut_cli.faults.lab import Lab, scratch
+from sixstrut_cli.faults.rows import RUNNING_ORDER, scenario
+from sixstrut_cli.faults.scenario import Evidence, Scenario
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a scenario.
+
+    Attributes:
+        scenario: Which.
+        evidence: What was seen; empty if it failed.
+        problem: Why it failed; empty if the failure was survived.
+        seconds: Wall time that it took.
+    """
+
+    scenario: Scenario
+    evidence: Evidence
+    problem: str
+    seconds: float
+
+
+def run(numbers: Collection[int], began: Callable[[Scenario], None] = lambda row: None) -> Iterator[Outcome]:
+    """Runs rows, in the order that shares most; yields what came of each. Args: began: told each row before it runs."""
+    with free_domain() as domain, scratch() as folder:
+        lab = Lab(Path(folder), domain)
+        try:
+            for number in RUNNING_ORDER:
+                if number in numbers:
+                    row = scenario(number)
+                    began(row)
+                    yield _run_one(lab, row)
+        finally:
+            lab.close()
+
+
+def _run_one(lab: Lab, row: Scenario) -> Outcome:
+    began_s = time.monotonic()
+    evidence, problem = Evidence(), ""
+    try:
+        evidence = row.run(lab)
+    except Exception as error:
+        problem = str(error) or type(error).__name__
+        lab.spoil()
+    return Outcome(row, evidence, problem, time.monotonic() - began_s)

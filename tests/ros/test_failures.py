@@ -1,0 +1,45 @@
+"""Every row of docs/failures.md, with the real nodes and a virtual prototype behind a real pty: `./sixstrut faults` as tests."""
+
+from __future__ import annotations
+
+import pytest
+
+from sixstrut_cli.faults.lab import Lab, scratch
+from sixstrut_cli.faults.page import DOCS_PAGE, page_rows
+from sixstrut_cli.faults.rows import RUNNING_ORDER, SCENARIOS, scenario
+from sixstrut_cli.faults.scenario import shape_of
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture(scope="module")
+def lab(domain):
+    from pathlib import Path
+
+    with scratch() as folder:
+        lab = Lab(Path(folder), domain)
+        yield lab
+        lab.close()
+
+
+@pytest.fixture(scope="module")
+def page(pytestconfig):
+    """The documented rows, by number."""
+    return page_rows((pytestconfig.rootpath / DOCS_PAGE).read_text(encoding="utf-8"))
+
+
+@pytest.mark.parametrize("number", RUNNING_ORDER)
+def test_it_is_survived_and_told_as_documented(lab, page, number):
+    try:
+        evidence = scenario(number).run(lab)
+    except BaseException:
+        lab.spoil()
+        raise
+    assert [shape_of(text) for text in page[number].told] == [shape_of(text) for text in evidence.told]
+
+
+def test_the_page_says_of_every_row_what_the_code_says(page):
+    assert sorted(page) == [row.number for row in SCENARIOS] == sorted(RUNNING_ORDER) == list(range(1, 19))
+    for row in SCENARIOS:
+        written = page[row.number]
+        assert (written.failure, written.happens, written.remedy) == (row.failure, row.happens, row.remedy)
