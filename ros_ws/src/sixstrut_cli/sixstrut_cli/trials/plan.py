@@ -16,6 +16,8 @@ from sim_core.structure import require_adjacent
 from sim_core.symmetry import class_of, rolls_of
 from sixstrut_cli.errors import SessionError
 
+DIGITS = 6
+"""Of odds: a table and a bag hold the same number."""
 GAIT_WORDS = ("all", "proper", "improper", "reference")
 
 
@@ -99,7 +101,7 @@ def chosen_gaits(primitives: Iterable[Primitive], words: str) -> list[Gait]:
         if not able:
             raise SessionError(f"--gaits {words!r}: none of the chosen primitives rolls {word}: they are of the other class")
         gaits += [gait_of(p, source, target) for p in able]
-    return list(dict.fromkeys(gaits))
+    return list({gait.name: gait for gait in gaits}.values())
 
 
 def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph, repeats: int, seed: int) -> list[Slot]:
@@ -112,7 +114,7 @@ def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph
     slots = []
     for gait, feasible in zip(gaits, predicted, strict=True):
         choices = graph.choices(gait.source, gait.target)
-        odds = next(choice.odds for choice in choices if choice.gait.primitive.name == gait.primitive.name)
+        odds = round(next(choice.odds for choice in choices if choice.gait.primitive.name == gait.primitive.name), DIGITS)
         facts = (gait.primitive.name, gait.primitive.roll_class.name, gait.source, gait.target)
         slots += [Slot(*facts, repeat, gait.proper, gait.policy, odds, feasible) for repeat in range(1, repeats + 1)]
     random.Random(seed).shuffle(slots)
@@ -162,7 +164,7 @@ def plan_text(plan: Iterable[Slot]) -> str:
     table = csv.writer(out, lineterminator="\n")
     table.writerow(Slot._fields)
     for slot in plan:
-        cells = {**slot._asdict(), "policy_mm": " ".join(map(str, slot.policy_mm)), "odds": f"{slot.odds:.6g}"}
+        cells = {**slot._asdict(), "policy_mm": " ".join(map(str, slot.policy_mm)), "odds": repr(slot.odds)}
         table.writerow(cells.values())
     return out.getvalue()
 

@@ -107,7 +107,7 @@ def _cell(value: object) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, float):
-        return "" if math.isnan(value) else f"{value:.6g}" if abs(value) < 1e5 else f"{value:.3f}"
+        return "" if math.isnan(value) else repr(value)
     if isinstance(value, tuple):
         return " ".join(str(item) for item in value)
     return " ".join(str(value).split())  # one line stays one line

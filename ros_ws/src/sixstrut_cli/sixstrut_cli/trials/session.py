@@ -19,7 +19,7 @@ from sixstrut_cli.trials.ledger import Ledger, Standing
 from sixstrut_cli.trials.message import lines_in_bag
 from sixstrut_cli.trials.pace import runs_s
 from sixstrut_cli.trials.panel import Panel
-from sixstrut_cli.trials.plan import Slot, due_of, next_due, placing
+from sixstrut_cli.trials.plan import DIGITS, Slot, due_of, next_due, placing
 from sixstrut_cli.trials.record import Event, Line, Outcome, utc_ns, utc_text
 
 VOIDS_ALLOWED = 3
@@ -128,7 +128,7 @@ class Session:
         began_ns, began_s = time.time_ns(), time.monotonic()
         bag, offset_s = lab.bag_place(began_ns)
         line = self._line(Event.BEGIN, slot, self._ledger.standing().last_number + 1)
-        line = replace(line, began=utc_text(began_ns), bag=bag, bag_offset_s=offset_s)
+        line = replace(line, began=utc_text(began_ns), bag=bag, bag_offset_s=round(offset_s, DIGITS))
         self._ledger.append(line)
         rolled = Rolled(False, False, "", "", (slot.source,), math.nan, "")
         try:
@@ -196,9 +196,9 @@ class Session:
             reason=verdict.reason,
             observed_face=verdict.face,
             faces=rolled.faces,
-            robot_s=rolled.robot_s,
-            wall_s=time.monotonic() - began_s,
-            battery_v=float(lab.operator.bridge.battery_v),
+            robot_s=round(rolled.robot_s, DIGITS),
+            wall_s=round(time.monotonic() - began_s, DIGITS),
+            battery_v=round(float(lab.operator.bridge.battery_v), DIGITS),
             faults=rolled.faults,
         )
         self._ledger.append(line)
