@@ -114,15 +114,23 @@ class Person:
         self._keys = keys
         self._panel = panel
         self._owns = owns_prototype
+        self.undo: Callable[[], None] = lambda: None
+        """Revokes the last trial; set by who can."""
 
     def ask(self, question: str, choices: Mapping[str, str]) -> str:
-        """Wait for one of the keys. Raises KeyboardInterrupt: q, leave; EOFError: the terminal is gone."""
+        """Wait for one of the keys; u undoes the last trial meanwhile.
+
+        Raises:
+            KeyboardInterrupt: q, leave. EOFError: the terminal is gone.
+        """
         words = "   ".join(f"{'Enter' if key == ENTER else key} {meaning}" for key, meaning in choices.items())
-        self._panel.show(question=question, keys=f"{words}   q leave")
+        self._panel.show(question=question, keys=f"{words}   u undo the last   q leave")
         try:
             while (key := self._keys.next()) not in choices:
                 if key == "q":
                     raise KeyboardInterrupt
+                if key == "u":
+                    self.undo()
             return key
         finally:
             self._panel.show(question="", keys="")
@@ -134,6 +142,8 @@ class Person:
         while True:
             try:
                 lab.arm(at_mid_stroke)
+                if lab.watched:
+                    lab.wait_for_rest()
                 return
             except StackError as error:
                 self._panel.show(trouble=str(error))
@@ -159,6 +169,7 @@ class Person:
         if reason:
             self._panel.show(trouble=reason)
             return Verdict(Outcome.VOID, reason, self._where(lab, slot))
+        self._panel.show(phase="over", stands=lab.face)
         key = self.ask(
             f"Does it stand on {slot.target}, and did it after actuation?", {"y": "yes: success", "n": "no: failure", "v": "void"}
         )
@@ -167,7 +178,8 @@ class Person:
             return Verdict(Outcome.SUCCESS, "", slot.target)
         if key == "n":
             face = self._where(lab, slot)
-            return Verdict(Outcome.FAILURE, f"seen on {face or 'no face'}, not on {slot.target}", face)
+            short = f"seen on {face or 'no face'}, not on {slot.target}"
+            return Verdict(Outcome.FAILURE, "not on the target after actuation" if face == slot.target else short, face)
         why = VOID_REASONS[self.ask("Why does it not count?", VOID_REASONS)]
         return Verdict(Outcome.VOID, why, self._where(lab, slot))
 

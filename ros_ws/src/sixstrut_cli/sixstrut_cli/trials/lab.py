@@ -181,6 +181,12 @@ class Lab:
         """Robot seconds per second."""
         return float(self.operator.bridge.time_scale)
 
+    @property
+    def watched(self) -> bool:
+        """Whether something, not a person, tells the robot's faces."""
+        seen = self.operator.observed
+        return seen is not None and seen.source != seen.SOURCE_OPERATOR
+
     def wait_for_rest(self) -> str:
         """Until an observer sees the robot at rest; its face. Raises StackError."""
         seen = lambda: self.operator.observed is not None and self.operator.observed.settled  # noqa: E731

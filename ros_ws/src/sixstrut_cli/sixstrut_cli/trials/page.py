@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import re
 from collections.abc import Iterable, Sequence
 from html import escape
 from pathlib import Path
@@ -63,4 +64,4 @@ def folded(summary: str, content: str) -> str:
 
 
 def _is_number(text: str) -> bool:
-    return bool(text) and text.lstrip("<−-")[:1].isdigit() and " → " not in text
+    return re.fullmatch(r"[−-]?[0-9.]+(e[+-]?[0-9]+)?( %)?", text) is not None

@@ -171,7 +171,8 @@ def picture(shown: Shown) -> Any:
             Text(f"\n{shown.primitive}   {shown.phase}   the robot stands on {shown.stands or 'no known face'}", style="bold")
         ),
         Text(""),
-        ProgressBar(total=max(1, shown.total), completed=shown.done),
+        Align.center(ProgressBar(total=max(1, shown.total), completed=shown.done)),
+        Text(""),
         numbers,
         Text(""),
         health,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 import random
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping, Sequence
@@ -26,7 +27,8 @@ class Slot(NamedTuple):
 
     Attributes:
         primitive, roll_class, source, target: which gait. repeat: from 1. proper: by a rotation.
-        policy_mm: strokes of S1..S6 (mm). odds: predicted probability of success. predicted: feasible on the nominal model.
+        policy_mm: strokes of S1..S6 (mm). odds: predicted probability of success; NaN: nobody knows.
+        predicted: feasible on the nominal model.
     """
 
     primitive: str
@@ -114,7 +116,9 @@ def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph
     slots = []
     for gait, feasible in zip(gaits, predicted, strict=True):
         choices = graph.choices(gait.source, gait.target)
-        odds = round(next(choice.odds for choice in choices if choice.gait.primitive.name == gait.primitive.name), DIGITS)
+        known = graph.odds is not None or "success" in gait.primitive.margins
+        odds = next(choice.odds for choice in choices if choice.gait.primitive.name == gait.primitive.name)
+        odds = round(odds, DIGITS) if known else math.nan
         facts = (gait.primitive.name, gait.primitive.roll_class.name, gait.source, gait.target)
         slots += [Slot(*facts, repeat, gait.proper, gait.policy, odds, feasible) for repeat in range(1, repeats + 1)]
     random.Random(seed).shuffle(slots)

@@ -233,7 +233,7 @@ class Session:
         if key == " ":
             self._lab.stop_motion()
         elif key == "u":
-            self._undo()
+            self.undo()
         elif key == "q":
             self._leave = True
             self._panel.show(phase="leaving after this trial")
@@ -242,10 +242,10 @@ class Session:
             while (key := self._keys.next()) != "p" and not self._leave:
                 self._leave = key == "q"
                 if key == "u":
-                    self._undo()
+                    self.undo()
             self._panel.show(question="", keys=KEYS)
 
-    def _undo(self) -> None:
+    def undo(self) -> None:
         """Revoke the last trial that counts, void or not: its gait is due again."""
         standing = self._ledger.standing()
         if not standing.trials:

@@ -209,7 +209,10 @@ class _Run:
             with _keyboard() as keys, panel:
                 hands = self._hands(keys, panel)
                 speed = load_prototype().actuator_speed_m_s
-                Session(folder, self._ledger, lab, hands, panel, asked.experimenter, speed, keys, self._forecast.wall_s).run()
+                session = Session(folder, self._ledger, lab, hands, panel, asked.experimenter, speed, keys, self._forecast.wall_s)
+                if isinstance(hands, Person):
+                    hands.undo = session.undo
+                session.run()
         except (KeyboardInterrupt, EOFError):
             self._console.print("left by you: struts held, the bag is being closed")
         finally:
