@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import fcntl
+import json
 import os
 import random
 import signal
@@ -88,6 +89,7 @@ def test_killed_at_random_moments_and_gone_on_with_no_trial_is_lost_or_repeated(
     assert "nothing: the session is complete" in again.stdout
     assert len(Ledger(folder).lines) == len(ledger.lines)
     foreign_readers_agree(folder, ended)
+    replays_trial_by_trial(folder, ended)
 
 
 def gaits():
@@ -115,6 +117,28 @@ def foreign_readers_agree(folder, ended):
     with (folder / LEDGER).open(encoding="utf-8", newline="") as file:
         table = [row for row in csv.DictReader(file) if row["event"] == "trial"]
     assert [int(row["number"]) for row in table] == sorted(numbers)
+
+
+def replays_trial_by_trial(folder, ended):
+    """The twin, told no face, from what was sent alone; and what if the floor were ice?"""
+    won = next(line for line in reversed(ended) if line.outcome is Outcome.SUCCESS)
+    words = ("replay", str(folder / "bags" / won.bag), "--trial", str(won.number), "--json")
+    result = sixstrut(*words, "--ensemble", "8")
+    (told,) = json.loads(result.stdout)["trials"]
+    assert result.returncode == (0 if told["agrees"] else 4)
+    assert told["number"] == won.number
+    assert told["twin_faces"][0] == won.source
+    assert told["agrees"] == (told["twin_actuated"] == told["twin_returned"] == won.target)
+    assert told["odds"]["members"] == 8
+    assert told["largest_m"] < 0.3, "twin and record are laid over each other"
+    ice = sixstrut(*words, "--set", "mu_s=0.02", "--set", "mu_k=0.01")
+    (slid,) = json.loads(ice.stdout)["trials"]
+    assert slid["largest_m"] != told["largest_m"]
+    wrong = sixstrut(*words, "--set", "friction=1")
+    assert wrong.returncode == 1
+    assert "unknown parameter 'friction'" in wrong.stderr
+    missing = sixstrut("replay", str(folder / "bags" / won.bag), "--trial", "99")
+    assert "trial 99 is not in this bag: it holds trials" in missing.stderr
 
 
 @pytest.mark.ros
@@ -214,7 +238,7 @@ def test_interrupted_in_mid_roll_the_trial_is_void_and_the_bag_closed(tmp_path):
         os.killpg(process.pid, signal.SIGINT)
     printed = finished(process)
     assert process.returncode == 130, printed
-    assert "trial 1: P1 TC6→TO5 void: the experimenter ended the session" in printed
+    assert "trial 1: P21 TO5→TC6 void: the experimenter ended the session" in printed, printed
     assert "go on:" in printed
     (bag,) = bags_of(tmp_path / "s")
     (line,) = lines_in_bag(bag)

@@ -12,8 +12,9 @@ from matplotlib.colors import ListedColormap
 from sim_core.rates import Rate
 from sim_core.structure import PAIRS
 from sim_core.symmetry import CARRIERS
-from sixstrut_cli.pictures import new_figure
+from sixstrut_cli.pictures import draw_lengths, new_figure
 from sixstrut_cli.trials.analysis import Group
+from sixstrut_cli.trials.replayed import PARTED_M, Course
 
 BLUE, ORANGE, GREY = "#0072b2", "#e69f00", "#999999"
 LEVELS = (80, 50)
@@ -133,3 +134,24 @@ def _rate_of(share: float, count: int) -> Rate:
     from sim_core.rates import rate_of
 
     return rate_of(round(share * count), count)
+
+
+def course_picture(course: Course, path: Path) -> None:
+    """One replayed trial: what was sent, and how far twin and record are apart."""
+    line = course.line
+    figure = new_figure(10, 6)
+    above, below = figure.subplots(2, 1, sharex=True)
+    draw_lengths(above, list(course.sent_s), course.lengths_m)
+    below.plot(course.times_s, 1e3 * course.apart_m, color="#009e73")
+    below.axhline(1e3 * PARTED_M, color="0.4", lw=0.8, ls=":")
+    if course.parted_s is not None:
+        below.axvline(course.parted_s, color="#d55e00", lw=1, label=f"they part at {course.parted_s:.1f} s")
+        below.legend(frameon=False)
+    below.set_ylim(bottom=0)
+    below.set_xlabel("robot time after the roll was asked for (s)")
+    below.set_ylabel("twin to record, mean of joints (mm)")
+    above.set_xlabel("")
+    kind = "virtual trial" if line.virtual_robot else "trial"
+    twin = f"twin: {' → '.join(course.faces)}, {'success' if course.succeeds else 'failure'}"
+    figure.suptitle(f"{kind} {line.number}, {line.primitive}: recorded {' → '.join(line.faces)}, {line.outcome}; {twin}")
+    figure.savefig(path, dpi=110)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -109,14 +110,30 @@ class Ledger:
 
     def append(self, line: Line) -> None:
         """Add a line; on return it is on the disk. What a power cut left of another stays, and is closed first. Raises OSError."""
-        with self.path.open("r+b") as file:
+        with _Whole(), self.path.open("r+b") as file:
             at = file.seek(0, os.SEEK_END)
             file.seek(at - 1)
             closing = b"" if file.read(1) == b"\n" else b"\n"
             file.write(closing + text_of(line).encode() + b"\n")
             file.flush()
             os.fsync(file.fileno())
-        self.lines.append(line)
+            self.lines.append(line)
+
+
+class _Whole:
+    """An interruption waits until the line is written: it comes before the line or after it. Used in the main thread."""
+
+    SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+    def __enter__(self) -> None:
+        self._came: list[int] = []
+        self._old = {number: signal.signal(number, lambda number, frame: self._came.append(number)) for number in self.SIGNALS}
+
+    def __exit__(self, *details: object) -> None:
+        for number, handler in self._old.items():
+            signal.signal(number, handler)
+        for number in self._came:
+            signal.raise_signal(number)
 
 
 def _begin(path: Path) -> None:

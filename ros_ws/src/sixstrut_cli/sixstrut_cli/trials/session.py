@@ -129,13 +129,14 @@ class Session:
         bag, offset_s = lab.bag_place(began_ns)
         line = self._line(Event.BEGIN, slot, self._ledger.standing().last_number + 1)
         line = replace(line, began=utc_text(began_ns), bag=bag, bag_offset_s=round(offset_s, DIGITS))
-        self._ledger.append(line)
         rolled = Rolled(False, False, "", "", (slot.source,), math.nan, "")
         try:
+            self._ledger.append(line)
             rolled = lab.roll(slot.source, slot.target, slot.primitive, self._on_feedback, self._watch)
             verdict = self._hands.judge(lab, slot, rolled)
         except (KeyboardInterrupt, EOFError):
-            self._record(line, Verdict(Outcome.VOID, STOPPED, ""), rolled, began_s)
+            if self._ledger.standing().open is not None:  # else it came before the trial began, or after its end
+                self._record(line, Verdict(Outcome.VOID, STOPPED, ""), rolled, began_s)
             raise
         except StackError as error:
             self._record(line, Verdict(Outcome.VOID, str(error), ""), rolled, began_s)
