@@ -132,8 +132,8 @@ class _Whole:
     def __exit__(self, *details: object) -> None:
         for number, handler in self._old.items():
             signal.signal(number, handler)
-        for number in self._came:
-            signal.raise_signal(number)
+        for came in self._came:
+            signal.raise_signal(came)
 
 
 def _begin(path: Path) -> None:
