@@ -124,7 +124,7 @@ def test_on_no_face_the_prototype_is_put_on_one(session):
     standing = session(plan, lab).run()
     assert len(lab.starts) == 2
     assert lab.starts[1] == plan[1].source
-    assert [line.observed_face for line in standing.valid][0] == ""
+    assert standing.valid[0].observed_face == ""
 
 
 def test_void_is_tried_again_and_three_in_a_row_end_the_session(session):
