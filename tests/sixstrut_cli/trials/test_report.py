@@ -99,7 +99,7 @@ def test_the_page_is_one_file_says_virtual_and_replays_every_trial(written, good
     assert len(pictures) == 4
     assert all(base64.b64decode(picture).startswith(b"\x89PNG") for picture in pictures)
     assert f"./sixstrut replay {good.bags}/a.mcap --trial 5" in page
-    assert "24 gaits are alike" in page, "intervals say what they take for granted"
+    assert "treats the 24 different gaits of a primitive as exchangeable" in page, "intervals say what they take for granted"
     assert "paper, improved model" in page
     for name in ("figure8.png", "gaits_a.png", "gaits_b.png", "odds.png"):
         assert (target / name).read_bytes().startswith(b"\x89PNG")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.colors import ListedColormap
+from matplotlib.colors import Colormap, ListedColormap
 
 from sim_core.rates import Rate
 from sim_core.structure import PAIRS
@@ -90,7 +90,7 @@ def gaits_picture(group: Group, path: Path) -> None:
     below.set_xticks(range(len(PAIRS)), [f"{tc}–{to}{'' if CARRIERS[tc, to].proper else ' m'}" for tc, to in PAIRS], rotation=90)
     below.set_ylim(0, 105)
     below.set_ylabel("success rate (%)")
-    below.legend(loc="lower right", ncol=2)
+    below.legend(loc="lower right", bbox_to_anchor=(1.0, 0.99), ncol=2, frameon=False)
     figure.savefig(path, dpi=100)
 
 
@@ -98,12 +98,11 @@ def _pair(source: str, target: str) -> tuple[str, str]:
     return (source, target) if source.startswith("TC") else (target, source)
 
 
-def _colors() -> ListedColormap:
+def _colors() -> Colormap:
     steps = np.linspace(0, 1, 11)[:, None]
     failed, won = np.array([0.835, 0.369, 0.0]), np.array([0.0, 0.447, 0.698])
-    colors = ListedColormap(np.column_stack([(1 - steps) * failed + steps * won, np.ones(11)]).tolist())
-    colors.set_bad("white")
-    return colors
+    shades = np.column_stack([(1 - steps) * failed + steps * won, np.ones(11)])
+    return ListedColormap(shades.tolist()).with_extremes(bad="white")
 
 
 def odds_picture(groups: Sequence[Group], path: Path) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from sim_core.rates import EXCHANGEABLE, Rate
+from sim_core.rates import Rate
 from sixstrut_cli.robustness_report import rate_document, shown
 from sixstrut_cli.trials import page
 from sixstrut_cli.trials.analysis import PAPER, Group, Told
@@ -20,6 +20,12 @@ from sixstrut_cli.trials.statistics import RESAMPLES, SEED, MannWhitney, mann_wh
 VIRTUAL = (
     "These are virtual trials. The virtual prototype shares the model's equations, so they test the libraries and this software; "
     "they say nothing about a real robot, and nothing about the paper's claim."
+)
+
+
+EXCHANGEABLE = (
+    "An interval treats the 24 different gaits of a primitive as exchangeable, as if one gait had been tried 24 times: right on a "
+    "symmetric robot only (see below), and on one prototype they share its errors."
 )
 
 
