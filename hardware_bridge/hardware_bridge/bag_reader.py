@@ -49,8 +49,11 @@ def seconds_of(stamp: Any) -> float:
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
-def read_session(path: Path | str) -> Session:
-    """Read a bag.
+def read_session(path: Path | str, since_ns: int | None = None, until_ns: int | None = None) -> Session:
+    """Read a bag, or only what was logged within a span.
+
+    Args:
+        since_ns, until_ns: log times (ROS time), the second not included; None: from the beginning, to the end.
 
     Raises:
         BagError: missing, not an MCAP file, or not closed (then: how to mend it).
@@ -68,7 +71,7 @@ def read_session(path: Path | str) -> Session:
                 session.attachments[attachment.name] = attachment.data
             for metadata in reader.iter_metadata():
                 session.metadata[metadata.name] = dict(metadata.metadata)
-            for _schema, channel, message, decoded in reader.iter_decoded_messages():
+            for _schema, channel, message, decoded in reader.iter_decoded_messages(start_time=since_ns, end_time=until_ns):
                 topic = channel.topic.removeprefix("/recorded/").lstrip("/")
                 session.messages.setdefault(topic, []).append(Recorded(topic, message.log_time, decoded))
     except OSError as error:

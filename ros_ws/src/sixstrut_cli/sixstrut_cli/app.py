@@ -6,8 +6,8 @@ A command is a module in `sixstrut_cli/commands/` with a function `command`, ann
         \"\"\"What it does; shown by `./sixstrut NAME --help`.\"\"\"
 
 It appears once the module exists and `registry.py` names it. A module with `app`, a `typer.Typer()`, instead of
-`command` becomes a command with sub-commands. `CONTEXT_SETTINGS`, if present, goes to typer. Only the module of the
-command that was asked for is imported, so each may import what it likes at its top.
+`command` becomes a command with sub-commands. `CONTEXT_SETTINGS` and `COMMAND_CLASS`, if present, go to typer. Only the module
+of the command that was asked for is imported, so each may import what it likes at its top.
 
 Exit codes: 0 done, 1 the command failed, 2 wrong usage, 3 set-up failed, 130 interrupted. A command ends itself with
 another one by `raise typer.Exit(code)`. It raises its package's errors as they are: `sim_core.errors.SimError` and
@@ -89,7 +89,7 @@ def _add(app: typer.Typer, entry: registry.Entry, module: Any) -> None:
     if hasattr(module, "app"):
         app.add_typer(module.app, name=entry.name, context_settings=settings)
     else:
-        app.command(entry.name, context_settings=settings)(module.command)
+        app.command(entry.name, context_settings=settings, cls=getattr(module, "COMMAND_CLASS", None))(module.command)
 
 
 def _elsewhere(name: str) -> Callable[[], None]:

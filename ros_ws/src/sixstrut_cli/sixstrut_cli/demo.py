@@ -28,7 +28,7 @@ from sixstrut_cli.compiling import compile_first
 from sixstrut_cli.pictures import session_picture
 from sixstrut_cli.replaying import replay
 from sixstrut_cli.route import next_face, walk
-from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
+from sixstrut_cli.stack import Stack, Uninterrupted, executable, ros_arguments, wait_until
 
 ROLL_RUNS_S = 10.0
 """Robot time that a strut runs in a roll, at most: 45 mm there and back."""
@@ -101,7 +101,7 @@ class _Demo:
             stopped = True
             self.console.print("\nstopping: the struts are held, the bag is being closed")
         finally:
-            with _Uninterrupted():
+            with Uninterrupted():
                 codes = stack.stop()
         self._summary(codes, stopped, log_folder)
         bad = {name: code for name, code in codes.items() if code != 0}
@@ -155,7 +155,7 @@ class _Demo:
             self._rolls(operator)
             operator.disarm()
         finally:
-            with _Uninterrupted():
+            with Uninterrupted():
                 operator.close()
 
     def _rolls(self, operator: Any) -> None:
@@ -225,17 +225,6 @@ class _Demo:
         session_picture(session, result, picture)
         show(f"picture: {_short(picture)}")
         show(f"replay it: ./sixstrut replay {_short(self.bag)}   (twin's final state {result.digest[:16]}…)")
-
-
-class _Uninterrupted:
-    """Signals wait while things are being put away: a second Ctrl-C must not lose the bag."""
-
-    def __enter__(self) -> None:
-        self._old = [signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)]
-
-    def __exit__(self, *details: object) -> None:
-        for number, old in zip((signal.SIGINT, signal.SIGTERM), self._old, strict=True):
-            signal.signal(number, old)
 
 
 def _short(path: Path) -> Path:

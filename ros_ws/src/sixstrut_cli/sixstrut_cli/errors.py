@@ -16,3 +16,7 @@ class StackError(BridgeError):
 
 class FarmError(SimError):
     """A cluster that does not answer, has no workers, or whose workers cannot do the work."""
+
+
+class SessionError(BridgeError):
+    """A session of trials that cannot be begun, gone on with, or reported."""

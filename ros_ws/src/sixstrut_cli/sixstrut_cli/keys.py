@@ -54,6 +54,10 @@ class Keys:
             sequence += self._read()
         return _SEQUENCES.get(sequence, ESCAPE)
 
+    def poll(self, wait_s: float = 0.0) -> str | None:
+        """A key, if one is pressed within that time, as `next`; None: none was. Raises EOFError."""
+        return self.next() if select.select([self._descriptor], [], [], wait_s)[0] else None
+
     def _read(self) -> str:
         data = os.read(self._descriptor, 1)
         if not data:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import threading
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Any
@@ -16,12 +17,13 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
+from std_srvs.srv import Trigger
 
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.stack import Stack, wait_until
 from tensegrity_interfaces.action import Roll
-from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
-from tensegrity_interfaces.srv import Arm, Disarm
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, TrialRecord, TwinState
+from tensegrity_interfaces.srv import Arm, Disarm, LogTrial, SetFace
 from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
 DISCOVERY_LIMIT_S = 30.0
@@ -33,6 +35,8 @@ class Operator:
 
     Attributes:
         bridge, twin, observed: newest bridge state, twin state, face observation; None before the first.
+        bridge_before: the bridge state before that.
+        heard: when (time.monotonic) the bridge was heard last.
     """
 
     def __init__(self, stack: Stack):
@@ -43,16 +47,21 @@ class Operator:
         self.bridge: Any = None
         self.twin: Any = None
         self.observed: Any = None
+        self.bridge_before: Any = None
+        self.heard = 0.0
         self._twin_joints: np.ndarray | None = None
         self._seen_joints: np.ndarray | None = None
         subscribe = self._node.create_subscription
-        subscribe(BridgeState, "bridge/state", self._keep("bridge"), LATCHED)
+        subscribe(BridgeState, "bridge/state", self._keep_bridge, LATCHED)
         subscribe(FaceObservation, "bridge/face", self._keep("observed"), LATCHED)
         subscribe(TwinState, "twin/state", self._keep("twin"), 10)
         subscribe(PoseArray, "twin/joints", self._keep_joints("_twin_joints"), 10)
         subscribe(PoseArray, "bridge/observed_joints", self._keep_joints("_seen_joints"), 10)
         self._arm = self._node.create_client(Arm, "arm")
         self._disarm = self._node.create_client(Disarm, "disarm")
+        self._set_face = self._node.create_client(SetFace, "set_face")
+        self._log_trial = self._node.create_client(LogTrial, "log_trial")
+        self._triggers = {name: self._node.create_client(Trigger, name) for name in ("stop", "reset")}
         self._roll = ActionClient(self._node, Roll, "roll")
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
@@ -65,6 +74,9 @@ class Operator:
 
     def _keep(self, name: str) -> Callable[[Any], None]:
         return lambda message: setattr(self, name, message)
+
+    def _keep_bridge(self, message: Any) -> None:
+        self.bridge_before, self.bridge, self.heard = self.bridge, message, time.monotonic()
 
     def _keep_joints(self, name: str) -> Callable[[PoseArray], None]:
         def keep(message: PoseArray) -> None:
@@ -79,13 +91,14 @@ class Operator:
         self._node.destroy_node()
         rclpy.try_shutdown()
 
-    def wait_for_stack(self) -> None:
-        """Until planner, bridge and twin are there and the port is open."""
+    def wait_for_stack(self, observer: bool = True) -> None:
+        """Until planner, bridge and twin are there and the port is open; and, with an observer, a face was seen."""
         wait_until(lambda: self.bridge is not None and self.bridge.link_ok, DISCOVERY_LIMIT_S, "the bridge's link", self._stack)
         wait_until(lambda: self.twin is not None and self.twin.face, DISCOVERY_LIMIT_S, "the twin's first state", self._stack)
         wait_until(self._arm.service_is_ready, DISCOVERY_LIMIT_S, "the planner's service arm", self._stack)
         wait_until(self._roll.server_is_ready, DISCOVERY_LIMIT_S, "the planner's action roll", self._stack)
-        wait_until(lambda: self.observed is not None, DISCOVERY_LIMIT_S, "the first observed face", self._stack)
+        if observer:
+            wait_until(lambda: self.observed is not None, DISCOVERY_LIMIT_S, "the first observed face", self._stack)
 
     def arm(self, confirmed_lengths_m: Sequence[float]) -> None:
         """Arm and wait for the end of homing. StackError with the bridge's reason if refused."""
@@ -106,13 +119,49 @@ class Operator:
         """Until every strut may run for `needed_s` of robot time again."""
         wait_until(lambda: self.bridge.duty_left_s >= needed_s, limit_s, "the actuators' rest", self._stack)
 
+    def set_face(self, face: str) -> None:
+        """Say which face the robot stands on, as a person sees it. StackError if the bridge does not take it."""
+        wait_until(self._set_face.service_is_ready, DISCOVERY_LIMIT_S, "the bridge's service set_face", self._stack)
+        request = SetFace.Request(face=face, source=FaceObservation.SOURCE_OPERATOR)
+        answer = self._result(self._set_face.call_async(request), 10.0, "an answer to set_face")
+        if not answer.success:
+            raise StackError(f"the bridge does not take the face: {answer.message}")
+
+    def log_trial(self, record: TrialRecord) -> None:
+        """Put a trial into the bag; on return it is on the disk. StackError if it is not."""
+        wait_until(self._log_trial.service_is_ready, DISCOVERY_LIMIT_S, "the bridge's service log_trial", self._stack)
+        answer = self._result(self._log_trial.call_async(LogTrial.Request(record=record)), 20.0, "an answer to log_trial")
+        if not answer.success:
+            raise StackError(f"the trial is not in the bag: {answer.message}")
+
+    def trigger(self, name: str) -> None:
+        """Call `stop` or `reset`. StackError with the bridge's reason if it cannot be."""
+        client = self._triggers[name]
+        wait_until(client.service_is_ready, DISCOVERY_LIMIT_S, f"the bridge's service {name}", self._stack)
+        answer = self._result(client.call_async(Trigger.Request()), 10.0, f"an answer to {name}")
+        if not answer.success:
+            raise StackError(f"{name} failed: {answer.message}")
+
     def disarm(self) -> None:
         """Give the lease back; says nothing if nobody holds it."""
         self._result(self._disarm.call_async(Disarm.Request()), 10.0, "an answer to disarm")
 
-    def roll(self, target: str, feedback: Callable[[Any], None], limit_s: float) -> Any:
-        """Roll onto a face; the action's result. KeyboardInterrupt cancels it, which holds the struts, and goes on."""
-        goal = Roll.Goal(target_face=target)
+    def roll(
+        self,
+        target: str,
+        feedback: Callable[[Any], None],
+        limit_s: float,
+        source: str = "",
+        primitive: str = "",
+        watch: Callable[[], None] = lambda: None,
+    ) -> Any:
+        """Roll onto a face; the action's result. KeyboardInterrupt cancels it, which holds the struts, and goes on.
+
+        Args:
+            source, primitive: as in the action; empty: where it stands, and the planner's choice.
+            watch: called all the while; may raise KeyboardInterrupt.
+        """
+        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive)
         handle = self._called(
             lambda: self._roll.send_goal_async(goal, feedback_callback=lambda message: feedback(message.feedback)),
             10.0,
@@ -121,21 +170,25 @@ class Operator:
         if not handle.accepted:
             raise StackError("the planner rejected the roll: it is busy with another; cancel that first")
         try:
-            return self._called(handle.get_result_async, limit_s, "the end of the roll").result
+            return self._called(handle.get_result_async, limit_s, "the end of the roll", watch).result
         except KeyboardInterrupt:
             self._called(handle.cancel_goal_async, 10.0, "an answer to cancel")
             raise
 
-    def _called(self, call: Callable[[], Any], limit_s: float, what: str) -> Any:
+    def _called(self, call: Callable[[], Any], limit_s: float, what: str, watch: Callable[[], None] = lambda: None) -> Any:
         """Make an action's call in the executor's thread (from another, its answer can arrive before it is waited for) and wait."""
 
         async def ask() -> Any:
             return await call()
 
-        return self._result(self._executor.create_task(ask), limit_s, what)
+        return self._result(self._executor.create_task(ask), limit_s, what, watch)
 
-    def _result(self, future: Any, limit_s: float, what: str) -> Any:
-        wait_until(future.done, limit_s, what, self._stack)
+    def _result(self, future: Any, limit_s: float, what: str, watch: Callable[[], None] = lambda: None) -> Any:
+        def done() -> bool:
+            watch()
+            return bool(future.done())
+
+        wait_until(done, limit_s, what, self._stack)
         return future.result()
 
     def distance_m(self) -> tuple[float, float] | None:

@@ -20,6 +20,8 @@ _ALL = (
     Entry("rehearse", "Try a roll on perturbed robots before the real one does it: odds and outcomes.", "rehearse"),
     Entry("robustness", "Try a library's 24 gaits on perturbed prototypes: rates, intervals, what kills them.", "robustness"),
     Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "recheck"),
+    Entry("trial", "Run a session of trials, a day long and resumable: primitives × gaits × repeats.", "trial"),
+    Entry("report", "Success rates, intervals and tests of sessions, as a page with the paper's Figure 8.", "report"),
     Entry("replay", "Step the twin through a recorded session and compare.", "replay"),
     Entry("prototype", "Run the virtual prototype alone, behind a serial port.", "prototype"),
     Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "calibrate"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -13,6 +14,14 @@ from types import TracebackType
 from sixstrut_cli.errors import StackError
 
 STOP_LIMIT_S = 20.0
+_LAUNCH = """
+import ctypes, os, signal, sys
+ctypes.CDLL(None).prctl(1, signal.SIGINT)
+if os.getppid() != int(sys.argv[1]):
+    sys.exit(1)
+os.execv(sys.argv[2], sys.argv[2:])
+"""
+"""Becomes a child's program, and has the kernel interrupt it when its parent dies, even by SIGKILL (PR_SET_PDEATHSIG)."""
 
 
 def executable(package: str, name: str) -> Path:
@@ -38,22 +47,28 @@ def ros_arguments(parameters: Mapping[str, object]) -> list[str]:
 
 
 class Stack:
-    """Child processes in sessions of their own: a Ctrl-C at the terminal reaches only this process, which ends them in order."""
+    """Child processes in sessions of their own: a Ctrl-C at the terminal reaches only this process, which ends them in order.
 
-    def __init__(self, log_folder: Path):
+    If this process is killed, they are interrupted: the bridge then holds the struts and closes its bag.
+    """
+
+    def __init__(self, log_folder: Path, lock: int | None = None):
+        """Args: lock: a descriptor that the children keep open, so that its lock outlives this process as long as they live."""
         self.log_folder = log_folder
         log_folder.mkdir(parents=True, exist_ok=True)
+        self._kept = () if lock is None else (lock,)
         self._children: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, name: str, command: Sequence[str | Path], environ: Mapping[str, str] | None = None) -> None:
         """Start a process; its output goes to <log folder>/<name>.log. Args: environ: beside what this process has."""
         with (self.log_folder / f"{name}.log").open("wb") as log:
             self._children[name] = subprocess.Popen(
-                [str(word) for word in command],
+                [sys.executable, "-I", "-S", "-c", _LAUNCH, str(os.getpid()), *(str(word) for word in command)],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
+                pass_fds=self._kept,
                 env={**os.environ, "PYTHONUNBUFFERED": "1", **(environ or {})},
             )
 
@@ -92,6 +107,17 @@ class Stack:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.stop()
+
+
+class Uninterrupted:
+    """Signals wait while things are being put away: a second Ctrl-C must not lose the bag."""
+
+    def __enter__(self) -> None:
+        self._old = [signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)]
+
+    def __exit__(self, *details: object) -> None:
+        for number, old in zip((signal.SIGINT, signal.SIGTERM), self._old, strict=True):
+            signal.signal(number, old)
 
 
 def wait_until(condition: Callable[[], object], limit_s: float, what: str, stack: Stack | None = None) -> None:

@@ -14,6 +14,7 @@ from hardware_bridge.observation import Observation
 from hardware_bridge.trajectory import Trajectory
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent
 from tensegrity_robot.messages import pose
+from tensegrity_robot.session_log import SessionLog
 
 
 def struts_sent(event: SentEvent, header: Header) -> StrutsSent:
@@ -43,8 +44,10 @@ def face_observation(event: FaceEvent, header: Header) -> FaceObservation:
     )
 
 
-def bridge_state(snapshot: Snapshot, bag: str, stamp: Time) -> BridgeState:
-    """The bridge at one instant."""
+def bridge_state(snapshot: Snapshot, log: SessionLog | None, stamp: Time) -> BridgeState:
+    """The bridge and its bag, if there is one, at one instant."""
+    well = log is not None and log.path is not None and not log.fault
+    began_ns = log.began_ns if log is not None and well else 0
     lengths = (length if known else math.nan for length, known in zip(snapshot.lengths_m, snapshot.known, strict=True))
     return BridgeState(
         header=Header(stamp=stamp),
@@ -57,7 +60,9 @@ def bridge_state(snapshot: Snapshot, bag: str, stamp: Time) -> BridgeState:
         virtual_port=snapshot.virtual_port,
         time_scale=snapshot.time_scale,
         length_m=tuple(lengths),
-        bag=bag,
+        bag=str(log.path) if log is not None and well else "",
+        bag_began=Time(sec=began_ns // 1_000_000_000, nanosec=began_ns % 1_000_000_000),
+        bag_messages=log.messages if log is not None and well else 0,
         calibration_hash=snapshot.calibration_hash,
         frames_sent=snapshot.frames_sent,
         write_errors=snapshot.write_errors,

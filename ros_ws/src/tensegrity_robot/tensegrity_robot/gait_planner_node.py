@@ -311,6 +311,7 @@ class GaitPlannerNode(Node):
         self.get_logger().info(f"roll {'ended well' if outcome.success else 'failed'}: {outcome.reason or outcome.faces}")
         return Roll.Result(
             success=outcome.success,
+            completed=outcome.completed,
             reason=outcome.reason,
             primitive=gait.primitive.name if gait else "",
             gait=gait.name if gait else "",

@@ -43,6 +43,7 @@ from tensegrity_robot.process import End, run
 from tensegrity_robot.recorded_topics import RecordedTopics
 from tensegrity_robot.session_log import SessionLog, bag_folder, mend_journals
 from tensegrity_robot.shape_rule import ShapeRule
+from tensegrity_robot.trial_log import serve_trial_log
 
 FEEDBACK_PERIOD_S = 0.1
 STATE_PERIOD_S = 0.5
@@ -96,6 +97,7 @@ class HardwareBridgeNode(LifecycleNode):
         topics.record(Rehearsal, "rehearsal", qos.LATCHED)
         topics.record(FaceObservation, "twin/face", qos.FACES)
         topics.record(JointState, "twin/joint_states", qos.STATES)
+        serve_trial_log(self, topics)
 
     # ---- life -------------------------------------------------------------------------------------------------------
 
@@ -293,9 +295,8 @@ class HardwareBridgeNode(LifecycleNode):
         return self._times.has(state.last_seq, state.robot_time_ns)
 
     def _tell_state(self, snapshot: Snapshot) -> None:
-        log = self._topics.log
-        bag = str(log.path) if log is not None and log.path is not None and not log.fault else ""
-        self._topics.publish(self._state, bridge_messages.bridge_state(snapshot, bag, self.get_clock().now().to_msg()))
+        stamp = self.get_clock().now().to_msg()
+        self._topics.publish(self._state, bridge_messages.bridge_state(snapshot, self._topics.log, stamp))
 
     def _publish_state(self) -> None:
         if self._bridge is not None:

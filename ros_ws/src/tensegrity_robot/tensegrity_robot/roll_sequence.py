@@ -103,7 +103,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Outcome:
-    """The roll is over."""
+    """The roll is over; `completed` says that both motions were made and the robot was judged."""
 
     success: bool
     reason: str
@@ -111,6 +111,7 @@ class Outcome:
     observed_face: str
     faces: tuple[str, ...]
     duration_s: float
+    completed: bool = True
 
 
 @dataclass
@@ -187,6 +188,7 @@ class RollSequence:
             observed_face=(seen.face or "") if seen else "",
             faces=tuple(self._faces),
             duration_s=(self._moved_ns - began_ns) * 1e-9,
+            completed=not reason and self.phase in (Phase.RETURN_SETTLE, Phase.CONFIRM),
         )
 
     # ---- parts ------------------------------------------------------------------------------------------------------

@@ -78,11 +78,13 @@ class SessionLog:
 
     Attributes:
         path: of the bag; None before `open`.
+        began_ns: log time of its first message; 0 before that.
     """
 
     def __init__(self, on_fault: Callable[[str], None]):
         """Args: on_fault: told once, from any thread, that the log is dead and why."""
         self.path: Path | None = None
+        self.began_ns = 0
         self._on_fault = on_fault
         self._recorder: Recorder | None = None
         self._owner: IO[bytes] | None = None
@@ -160,8 +162,16 @@ class SessionLog:
         assert self._recorder is not None
         try:
             self._recorder.write(topic, type_name, data, log_time_ns)
+            self.began_ns = self.began_ns or log_time_ns
         except BridgeError as error:
             self._fail(str(error))
+
+    def sync(self) -> None:
+        """Wait until all that was written is on the disk itself. Raises BridgeError: it is not, or there is no bag."""
+        recorder = self._recorder
+        if recorder is None:
+            raise RecorderError(str(self.path), "is not open")
+        recorder.sync()
 
     def _fail(self, problem: str) -> None:
         if not self._failed:

@@ -1,0 +1,1 @@
+"""Sessions of trials: planned, run, recorded and reported."""
