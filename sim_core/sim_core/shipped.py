@@ -19,10 +19,11 @@ PLANS = {
         SearchPlan(
             "robust",
             offspring=160,
-            polish=30,
+            polish=22,
             apart_mm=8,
-            training=(Training(LEVEL, 24, 11_001), Training(INCLINED, 24, 11_002)),
-            choice=(Training(LEVEL, 64, 12_001), Training(INCLINED, 64, 12_002)),
+            # three to one: uphill strength costs the TC6-TO5 rolls their tolerance of ill-made robots
+            training=(Training(LEVEL, 24, 11_001), Training(INCLINED, 8, 11_002)),
+            choice=(Training(LEVEL, 96, 12_001), Training(INCLINED, 32, 12_002)),
         ),
     )
 }
