@@ -14,6 +14,7 @@ from hardware_bridge.fault_injection import FROM_BOARD, TO_BOARD
 from sim_core.structure import NEIGHBOURS
 from sixstrut_cli.faults.lab import Lab, Setup
 from sixstrut_cli.faults.processes import wait_until
+from sixstrut_cli.faults.scenario import shape_of
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
 
@@ -88,6 +89,8 @@ def one_roll(lab: Lab, rng: random.Random, outcomes: Counter[str]) -> None:
         operator.trigger("stop")
     result = operator.end(goal, 120.0).result
     outcomes["succeeded" if result.success else "failed"] += 1
+    if not result.success:
+        outcomes[f"because: {shape_of(result.reason)[:60]}"] += 1
     assert result.success or result.reason, "a roll that failed without a reason"
     if fault is not None:
         lab.fault("clear")
@@ -114,7 +117,7 @@ def test_an_hour_of_rolls_with_faults_leaks_nothing_and_loses_no_roll(lab, figur
             figure(f"{name}: {what}, second and last third", f"{second:.1f}, {last:.1f}")
             assert last - second <= limit, f"{name}: {what} from {second} to {last}"
     assert outcomes["asked"] == outcomes["succeeded"] + outcomes["failed"]
-    for what, count in outcomes.items():
+    for what, count in outcomes.most_common():
         figure(f"rolls: {what}", count)
     bag = Path(operator.bridge.bag)
     lab.end_bridge()
