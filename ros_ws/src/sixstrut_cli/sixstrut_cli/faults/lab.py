@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import signal
 import tempfile
 from collections.abc import Callable, Mapping
@@ -17,7 +16,6 @@ from sixstrut_cli.faults.processes import START_LIMIT_S, Process, Processes, wai
 from sixstrut_cli.faults.scenario import expect
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
-from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
 MID = (0.234,) * 6
 T = TypeVar("T")
@@ -66,7 +64,6 @@ class Lab:
     _facts: dict[object, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self.processes = Processes(self.folder, self.domain)
 
     def close(self) -> None:
