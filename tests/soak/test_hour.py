@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -38,6 +39,8 @@ FAULTS = (
     ("brown_out", "", {"volts": 5.0, "seconds": 10.0}),
     ("stall", "", {"strut": 3}),
 )
+CLOSE_LIMIT_S = 300.0
+"""The bridge rewrites and reads back an hour's bag before it ends."""
 LIMITS = {"memory [MB]": 25.0, "handles": 3.0, "threads": 2.0}
 """By how much the last third of the hour may exceed the second, in the middle."""
 
@@ -120,7 +123,9 @@ def test_an_hour_of_rolls_with_faults_leaks_nothing_and_loses_no_roll(lab, figur
     for what, count in outcomes.most_common():
         figure(f"rolls: {what}", count)
     bag = Path(operator.bridge.bag)
-    lab.end_bridge()
+    began_s = time.monotonic()
+    lab.end_bridge(CLOSE_LIMIT_S)
+    figure("finishing the bag of the hour [s]", round(time.monotonic() - began_s, 1))
     session = read_session(bag)
     figure("messages in the bag of the hour", sum(map(len, session.messages.values())))
     numbers = sorted(message.seq for topic in ("bridge/struts_sent", "bridge/face") for message in session.of(topic))

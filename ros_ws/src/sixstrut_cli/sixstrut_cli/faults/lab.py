@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from hardware_bridge.fault_injection import inject
 from sixstrut_cli.faults.client import Operator
-from sixstrut_cli.faults.processes import START_LIMIT_S, Process, Processes, wait_until
+from sixstrut_cli.faults.processes import END_LIMIT_S, START_LIMIT_S, Process, Processes, wait_until
 from sixstrut_cli.faults.scenario import expect
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
@@ -122,12 +122,12 @@ class Lab:
         self._meets(operator)
         return bridge
 
-    def end_bridge(self) -> None:
-        """Ends the bridge, if one runs; the rest of the stack goes on."""
+    def end_bridge(self, limit_s: float = END_LIMIT_S) -> None:
+        """Ends the bridge, if one runs, in this time, in which it finishes its bag; the rest of the stack goes on."""
         bridge = self._nodes.pop("hardware_bridge", None)
         if bridge is not None and bridge.code is None:
             bridge.signal(signal.SIGINT)
-            expect(bridge.ends() == 0, f"the bridge ended with {bridge.code}: {bridge.output}")
+            expect(bridge.ends(limit_s) == 0, f"the bridge ended with {bridge.code}: {bridge.output}")
 
     def restart(self, name: str, **parameters: Any) -> Process:
         """A node of the stack that has died, anew."""
