@@ -182,7 +182,9 @@ def test_diagnostics_tell_what_a_person_needs(life):
     names = {f"hardware_bridge: {what}" for what in ("link", "supervisor", "frames", "duty", "battery", "board", "log")}
     wait_until(lambda: names <= set(seen), 10.0, f"diagnostics of {names}")
     link = {pair.key: pair.value for pair in seen["hardware_bridge: link"].values}
-    assert {"latency of writes, median [ms]", "latency of writes, 99 % [ms]", "write errors", "times opened again"} <= set(link)
+    assert {f"latency of {of}, {part} [ms]" for of in ("writes", "replies") for part in ("median", "95 %", "99 %")} <= set(link)
+    assert {"write errors", "times opened again", "questions asked again", "bad replies"} <= set(link)
+    assert "free space [MB]" in {pair.key for pair in seen["hardware_bridge: log"].values}
     assert {pair.key for pair in seen["hardware_bridge: duty"].values} == {"duty left [s]", "duty budget [s]"}
     life.board.unplug()
     wait_until(lambda: seen["hardware_bridge: link"].message.startswith("lost"), 10.0, "a lost link in the diagnostics")

@@ -91,5 +91,22 @@ def test_a_late_observer_is_not_believed_to_see_the_present():
     watch.hear(9_000_000_000, False)
     watch.see(2_000_000_000, (0.234,) * 6)
     assert not watch.is_still, "that was three seconds before the frame"
+    assert not watch.is_after_last_frame
     watch.see(5_600_000_000, (0.234,) * 6)
     assert watch.is_still
+    assert watch.is_after_last_frame
+
+
+def test_an_observer_whose_clock_is_slow_is_believed_all_the_same():
+    watch = StillWatch()
+    for number in range(20_000):
+        watch.hear(50_000_000 * number, False)
+        watch.see(round(50_000_000 * number * (1 - 5e-4)), (0.234,) * 6)
+    watch.hear(50_000_000 * 20_000, True)
+    watch.hear(50_000_000 * 20_001, False)
+    watch.see(round(50_000_000 * 20_001 * (1 - 5e-4)), (0.234,) * 6)
+    assert watch.is_after_last_frame
+
+
+def test_an_observer_that_nobody_can_compare_is_believed():
+    assert StillWatch().is_after_last_frame

@@ -87,6 +87,20 @@ def test_a_person_walks_through_six_struts_leaves_and_comes_back(sit_down, tmp_p
     assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.yaml", "state"]
 
 
+@pytest.mark.parametrize("board", ["ssc32", "maestro:crc"])
+def test_the_other_boards_are_walked_the_same_way(sit_down, tmp_path, board):
+    person = sit_down(*WORDS, "--board", board)
+    person.says("[234]:")
+    person.press(ENTER)
+    strut(person, "S1")
+    person.says("S2, strut 2 of 6")
+    person.press(CTRL_C)
+    assert person.ends() == 130
+    (measured,) = Unfinished(tmp_path / "mine.yaml").struts.values()
+    assert measured.us_per_mm == pytest.approx(10.0, rel=0.06)
+    assert measured.pulse_us == (1150, 1900)
+
+
 def test_readings_that_make_no_sense_begin_the_strut_again(sit_down):
     person = sit_down(*WORDS)
     person.says("[234]:")

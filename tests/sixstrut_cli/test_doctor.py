@@ -13,8 +13,11 @@ import pytest
 from hardware_bridge.calibration import STRUTS, load_calibration
 from hardware_bridge.calibration_file import Unfinished, write_calibration
 from hardware_bridge.codecs.lsc import Lsc
+from hardware_bridge.codecs.registry import parse_board
+from hardware_bridge.virtual_prototype.boards import emulate
 from sixstrut_cli.doctor import Health, check_calibration, check_folder, check_network
 from sixstrut_cli.doctor_port import check_bluetooth, check_port
+from tests.hardware_bridge.conftest import Running
 from tests.hardware_bridge.helpers import Wire
 
 
@@ -59,6 +62,21 @@ def test_a_board_that_answers_is_fine(monkeypatch):
     *_, link = check_port(wire.port, 9600, Lsc())
     wire.cut()
     assert (link.health, link.told) == (Health.FINE, "the board answers: servo supply 7.40 V")
+
+
+@pytest.mark.parametrize("spec", ["lsc", "ssc32", "maestro", "maestro:device=12:crc"])
+def test_every_emulated_board_answers_the_doctor_and_another_one_does_not(tmp_path, spec):
+    running = Running(tmp_path / "prototype", 1.0, emulate(spec))
+    try:
+        board = parse_board(spec)
+        *_, link = check_port(str(running.link), board.quirks.usual_baud, board)
+        assert link.health is Health.FINE, link
+        assert link.told.startswith("the board answers")
+        other = parse_board("ssc32" if spec == "lsc" else "lsc")
+        *_, link = check_port(str(running.link), other.quirks.usual_baud, other)
+        assert link.health is Health.MEND, link
+    finally:
+        running.kill()
 
 
 @pytest.mark.parametrize(

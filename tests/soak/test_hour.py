@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import random
+import time
 from collections import Counter
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from hardware_bridge.fault_injection import FROM_BOARD, TO_BOARD
 from sim_core.structure import NEIGHBOURS
 from sixstrut_cli.faults.lab import Lab, Setup
 from sixstrut_cli.faults.processes import wait_until
+from sixstrut_cli.faults.scenario import shape_of
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
 
@@ -37,6 +39,8 @@ FAULTS = (
     ("brown_out", "", {"volts": 5.0, "seconds": 10.0}),
     ("stall", "", {"strut": 3}),
 )
+CLOSE_LIMIT_S = 300.0
+"""The bridge rewrites and reads back an hour's bag before it ends."""
 LIMITS = {"memory [MB]": 25.0, "handles": 3.0, "threads": 2.0}
 """By how much the last third of the hour may exceed the second, in the middle."""
 
@@ -88,6 +92,8 @@ def one_roll(lab: Lab, rng: random.Random, outcomes: Counter[str]) -> None:
         operator.trigger("stop")
     result = operator.end(goal, 120.0).result
     outcomes["succeeded" if result.success else "failed"] += 1
+    if not result.success:
+        outcomes[f"because: {shape_of(result.reason)[:60]}"] += 1
     assert result.success or result.reason, "a roll that failed without a reason"
     if fault is not None:
         lab.fault("clear")
@@ -114,10 +120,12 @@ def test_an_hour_of_rolls_with_faults_leaks_nothing_and_loses_no_roll(lab, figur
             figure(f"{name}: {what}, second and last third", f"{second:.1f}, {last:.1f}")
             assert last - second <= limit, f"{name}: {what} from {second} to {last}"
     assert outcomes["asked"] == outcomes["succeeded"] + outcomes["failed"]
-    for what, count in outcomes.items():
+    for what, count in outcomes.most_common():
         figure(f"rolls: {what}", count)
     bag = Path(operator.bridge.bag)
-    lab.end_bridge()
+    began_s = time.monotonic()
+    lab.end_bridge(CLOSE_LIMIT_S)
+    figure("finishing the bag of the hour [s]", round(time.monotonic() - began_s, 1))
     session = read_session(bag)
     figure("messages in the bag of the hour", sum(map(len, session.messages.values())))
     numbers = sorted(message.seq for topic in ("bridge/struts_sent", "bridge/face") for message in session.of(topic))

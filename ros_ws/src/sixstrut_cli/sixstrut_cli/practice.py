@@ -28,11 +28,12 @@ LATE_S = 0.2
 
 
 @contextmanager
-def practice_prototype(time_scale: float) -> Iterator[Path]:
+def practice_prototype(time_scale: float, board: str) -> Iterator[Path]:
     """The link of a virtual prototype of its own, until the end of the block. Raises StackError: it does not start."""
     with tempfile.TemporaryDirectory(prefix="sixstrut-practice-") as folder:
         link = Path(folder) / "prototype"
-        words = ["-m", "hardware_bridge.virtual_prototype", "--link", str(link), "--time-scale", f"{time_scale:g}"]
+        words = ["-m", "hardware_bridge.virtual_prototype", "--link", str(link), "--board", board]
+        words += ["--time-scale", f"{time_scale:g}"]
         child = subprocess.Popen(
             [sys.executable, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
         )

@@ -26,6 +26,9 @@ STILL_S = 0.5
 STILL_M = 0.0003
 """A change of length that is none: of what is seen of a strut at rest."""
 
+DRIFT = 1e-3
+"""How fast two clocks may part."""
+
 OBSERVED_PERIOD_S = 0.04
 """Wall time between published observations of joints; a fast virtual prototype makes more of them."""
 
@@ -33,7 +36,8 @@ OBSERVED_PERIOD_S = 0.04
 class StillWatch:
     """Whether the struts have come to rest after what was sent last.
 
-    The observer's clock is not the bridge's, and what it tells may be late: how late is counted from the most timely observation.
+    The observer's clock is not the bridge's, and what it tells may be late: how late is counted from the most timely observation,
+    but for `DRIFT` between the clocks.
     """
 
     def __init__(self) -> None:
@@ -48,6 +52,11 @@ class StillWatch:
         """No strut has changed its length for `STILL_S`, all of it after the last frame."""
         return self._seen_ns - max(self._since_ns, self._sent_ns) >= STILL_S * 1e9
 
+    @property
+    def is_after_last_frame(self) -> bool:
+        """What was seen last happened after the last frame, as far as anybody can say; before, a robot at rest means nothing."""
+        return self._offset_ns is None or self._seen_ns >= self._sent_ns
+
     def hear(self, robot_time_ns: int, moved: bool) -> None:
         """The bridge's robot time, and whether a frame was sent then."""
         self._now_ns = robot_time_ns
@@ -59,7 +68,10 @@ class StillWatch:
         if self._now_ns is None:
             return
         offset_ns = self._now_ns - observed_ns
-        self._offset_ns = offset_ns if self._offset_ns is None else min(self._offset_ns, offset_ns)
+        if self._offset_ns is None:
+            self._offset_ns = offset_ns
+        drifted_ns = round(DRIFT * abs(observed_ns + self._offset_ns - self._seen_ns))
+        self._offset_ns = min(self._offset_ns + drifted_ns, offset_ns)
         self._seen_ns = observed_ns + self._offset_ns
         before = self._lengths_m
         if before is None or any(abs(new - old) > STILL_M for new, old in zip(lengths_m, before, strict=True)):
@@ -140,9 +152,10 @@ class Observing:
         ways_m = observation.joints_m[ends[:, 1]] - observation.joints_m[ends[:, 0]]
         self._lengths_m = tuple(float(length) for length in np.linalg.norm(ways_m, axis=1))
         self._still.see(observation.robot_time_ns, self._lengths_m)
-        if self._news.is_news(observation.face, observation.settled):
+        settled = observation.settled and self._still.is_after_last_frame
+        if self._news.is_news(observation.face, settled):
             try:
-                bridge.observe_face(observation.face or "", self._source, observation.settled, observation.detail)
+                bridge.observe_face(observation.face or "", self._source, settled, observation.detail)
             except StateError:
                 return  # closed in the meantime
             except BridgeError as error:

@@ -28,7 +28,7 @@ def command(
 
     sixstrut calibrate mine.yaml --port /dev/rfcomm0
     sixstrut calibrate mine.yaml --port /dev/ttyUSB0 --board ssc32
-    sixstrut calibrate practice.yaml --virtual
+    sixstrut calibrate practice.yaml --virtual --board maestro
     """
     from rich.console import Console
 
@@ -36,7 +36,7 @@ def command(
     from hardware_bridge.jogger import Jogger
     from hardware_bridge.last_pulses import LastPulses, state_directory
     from hardware_bridge.transport import SerialTransport
-    from hardware_bridge.virtual_port import default_link, read_handshake
+    from hardware_bridge.virtual_port import agree_on_board, default_link, read_handshake
     from sixstrut_cli.calibrating import Walk
     from sixstrut_cli.keys import require_keyboard
     from sixstrut_cli.practice import Eyes, practice_prototype
@@ -46,11 +46,13 @@ def command(
         signal.signal(number, lambda number, frame: sys.exit(128 + number))
     console = Console(soft_wrap=True)
     with contextlib.ExitStack() as stack:
-        chosen = str(stack.enter_context(practice_prototype(time_scale))) if virtual else port or str(default_link())
+        behind = parse_board(board)
+        practice = stack.enter_context(practice_prototype(time_scale, behind.spec)) if virtual else None
+        chosen = str(practice or port or default_link())
         handshake = read_handshake(chosen)
+        agree_on_board(chosen, behind.spec, handshake)
         record = LastPulses(state_directory(), chosen, "" if handshake is None else handshake.instance)
         scale = 1.0 if handshake is None else handshake.time_scale
-        behind = parse_board(board)
         jogger = Jogger(SerialTransport(chosen, baud or behind.quirks.usual_baud), behind, record, scale)
         stack.callback(jogger.close)
         eyes = stack.enter_context(Eyes(None if handshake is None else handshake.observer, scale))

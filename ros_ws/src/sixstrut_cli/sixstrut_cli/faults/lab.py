@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import os
 import signal
 import tempfile
 from collections.abc import Callable, Mapping
@@ -13,11 +12,10 @@ from typing import Any, TypeVar
 
 from hardware_bridge.fault_injection import inject
 from sixstrut_cli.faults.client import Operator
-from sixstrut_cli.faults.processes import START_LIMIT_S, Process, Processes, wait_until
+from sixstrut_cli.faults.processes import END_LIMIT_S, START_LIMIT_S, Process, Processes, wait_until
 from sixstrut_cli.faults.scenario import expect
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
-from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
 MID = (0.234,) * 6
 T = TypeVar("T")
@@ -66,7 +64,6 @@ class Lab:
     _facts: dict[object, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self.processes = Processes(self.folder, self.domain)
 
     def close(self) -> None:
@@ -125,12 +122,12 @@ class Lab:
         self._meets(operator)
         return bridge
 
-    def end_bridge(self) -> None:
-        """Ends the bridge, if one runs; the rest of the stack goes on."""
+    def end_bridge(self, limit_s: float = END_LIMIT_S) -> None:
+        """Ends the bridge, if one runs, in this time, in which it finishes its bag; the rest of the stack goes on."""
         bridge = self._nodes.pop("hardware_bridge", None)
         if bridge is not None and bridge.code is None:
             bridge.signal(signal.SIGINT)
-            expect(bridge.ends() == 0, f"the bridge ended with {bridge.code}: {bridge.output}")
+            expect(bridge.ends(limit_s) == 0, f"the bridge ended with {bridge.code}: {bridge.output}")
 
     def restart(self, name: str, **parameters: Any) -> Process:
         """A node of the stack that has died, anew."""

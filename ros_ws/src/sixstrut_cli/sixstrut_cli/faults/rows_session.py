@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import resource
 import signal
+from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
@@ -48,25 +49,54 @@ def log_fails(lab: Lab) -> Evidence:
     return evidence
 
 
-def killed_while_recording(lab: Lab) -> Evidence:
-    """Row 12."""
-    evidence = Evidence()
+@dataclass(frozen=True)
+class Killed:
+    """What came after a bridge that was killed in mid-roll.
+
+    Attributes:
+        acknowledged: Messages that it had told as written.
+        recovered: Messages in the bag that the next bridge made of its journal.
+        mended: The next bridge's line about it.
+        roll_ended: The roll's reason.
+        refused: Why the next roll was refused.
+    """
+
+    acknowledged: int
+    recovered: int
+    mended: str
+    roll_ended: str
+    refused: str
+
+
+def kill_bridge(lab: Lab) -> Killed:
+    """Kills the bridge in mid-roll and starts another."""
     operator = lab.use(ROLLING)
     wait_until(lambda: operator.diagnosis("log"), 10.0, "the log's diagnostics")
-    lab.begin_roll()
+    goal = lab.begin_roll()
     bag, bridge = Path(operator.bridge.bag), lab.node("hardware_bridge")
     acknowledged = int(operator.diagnosis("log")["messages"])
     bridge.signal(signal.SIGKILL)
     bridge.ends()
+    ended = operator.end(goal).result
+    expect(not ended.success, "a roll outlived the bridge")
     next_one = lab.start_bridge()
+    expect(operator.bridge.state == BridgeState.DISARMED and not operator.bridge.lease_holder, "the bridge came back armed")
+    refused = operator.roll("TO5").reason
     next_one.says(f"mended {bag}")
     line = next(line for line in next_one.output.splitlines() if f"mended {bag}" in line)
     recovered = int(re.findall(r": (\d+) messages", line)[0])
     session = read_session(bag)
     expect(sum(len(messages) for messages in session.messages.values()) == recovered, "the log does not read back")
-    expect(recovered >= acknowledged, f"{acknowledged} messages were acknowledged, {recovered} are there")
-    evidence.says(line[line.index("mended") :], "messages of a session that was cut short")
-    evidence.figures = {"messages acknowledged": acknowledged, "messages recovered": recovered}
+    return Killed(acknowledged, recovered, line[line.index("mended") :], ended.reason, refused)
+
+
+def killed_while_recording(lab: Lab) -> Evidence:
+    """Row 12."""
+    evidence = Evidence()
+    killed = lab.remember("killed", lambda: kill_bridge(lab))
+    expect(killed.recovered >= killed.acknowledged, f"{killed.acknowledged} messages acknowledged, {killed.recovered} recovered")
+    evidence.says(killed.mended, "messages of a session that was cut short")
+    evidence.figures = {"messages acknowledged": killed.acknowledged, "messages recovered": killed.recovered}
     return evidence
 
 
@@ -93,15 +123,10 @@ def signals_in_mid_gait(lab: Lab) -> Evidence:
 def nodes_die(lab: Lab) -> Evidence:
     """Row 17."""
     evidence = Evidence()
-    operator = lab.use(ROLLING)
-    goal = lab.begin_roll()
-    lab.node("hardware_bridge").signal(signal.SIGKILL)
-    lab.node("hardware_bridge").ends()
-    expect(not operator.end(goal).result.success, "a roll outlived the bridge")
-    lab.start_bridge()
-    expect(operator.bridge.state == BridgeState.DISARMED and not operator.bridge.lease_holder, "the bridge came back armed")
-    evidence.says(operator.roll("TO5").reason, "the robot is not armed: ros2 service call /arm")
+    killed = lab.remember("killed", lambda: kill_bridge(lab))
+    evidence.says(killed.refused, "the robot is not armed: ros2 service call /arm")
 
+    operator = lab.use(ROLLING)
     lab.begin_roll()
     dead = operator.node.count_services("roll/_action/send_goal")
     lab.node("gait_planner").signal(signal.SIGKILL)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from sixstrut_cli.faults.domain import free_domain
 from sixstrut_cli.faults.lab import Lab, scratch
 from sixstrut_cli.faults.rows import RUNNING_ORDER, scenario
 from sixstrut_cli.faults.scenario import Evidence, Scenario
+from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
 
 @dataclass(frozen=True)
@@ -32,6 +34,7 @@ class Outcome:
 
 def run(numbers: Collection[int], began: Callable[[Scenario], None] = lambda row: None) -> Iterator[Outcome]:
     """Runs rows, in the order that shares most; yields what came of each. Args: began: told each row before it runs."""
+    os.environ.update(discovery_changes(os.environ, loopback_profile()))  # the operator is a node of this process
     with free_domain() as domain, scratch() as folder:
         lab = Lab(Path(folder), domain)
         try:
