@@ -11,7 +11,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hardware_bridge.schemas import ShareSchemas
-from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent, TwinState
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent, TrialRecord, TwinState
 from tensegrity_robot.cdr import wire_bytes
 
 POINT = JointTrajectoryPoint(positions=[0.1] * 6)
@@ -28,13 +28,14 @@ MESSAGES = [
     FaceObservation(face="TC6", detail="x"),
     BridgeState(state="ARMED"),
     TwinState(digest="abc", at_rest=True),
+    TrialRecord(event=TrialRecord.TRIAL, number=7, faces=["TC6", "TO5"], policy_mm=[-45, 0, 1, 2, 3, 45], bag="a.mcap"),
 ]
 
 
 @pytest.fixture(scope="module")
 def store():
     store, schemas = get_typestore(Stores.ROS2_JAZZY), ShareSchemas()
-    for kind in (StrutsSent, FaceObservation, BridgeState, TwinState):
+    for kind in (StrutsSent, FaceObservation, BridgeState, TwinState, TrialRecord):
         name = f"tensegrity_interfaces/msg/{kind.__name__}"
         types = get_types_from_msg(schemas.schema_text(name), name)
         store.register({own: fields for own, fields in types.items() if own not in store.fielddefs})

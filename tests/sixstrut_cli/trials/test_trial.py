@@ -25,7 +25,7 @@ from tests.sixstrut_cli.terminal import CTRL_C, ENTER, Terminal
 from tests.sixstrut_cli.test_commands import sixstrut
 
 PLAN = ("--library", "robust", "--primitives", "1,21", "--gaits", "TC6-TO5,TO5-TC6", "--order-seed", "1")
-VIRTUAL = ("--virtual", "--time-scale", "16")
+VIRTUAL = ("--virtual", "--time-scale", "8")
 
 
 def begin(folder: Path, *words: str) -> subprocess.Popen[str]:
@@ -59,7 +59,7 @@ def bags_of(folder: Path) -> list[Path]:
 @pytest.mark.timeout(180)
 def test_killed_at_random_moments_and_gone_on_with_no_trial_is_lost_or_repeated(tmp_path):
     folder, rng = tmp_path / "session", random.Random(4)
-    words = [*PLAN, "--repeats", "3", *VIRTUAL]
+    words = [*PLAN, "--repeats", "2", *VIRTUAL]
     before = b""
     for power_cut in (False, True, False):
         process = begin(folder, *words)
@@ -71,7 +71,7 @@ def test_killed_at_random_moments_and_gone_on_with_no_trial_is_lost_or_repeated(
         assert now.startswith(before), "nothing is ever overwritten"
         before, words = now, [*VIRTUAL] if (folder / "session.yaml").exists() else words
     printed = finished(begin(folder, *words))
-    assert "6 of 6 virtual trials are done" in printed, printed
+    assert "4 of 4 virtual trials are done" in printed, printed
 
     ledger = Ledger(folder)
     standing = ledger.standing()
@@ -93,7 +93,7 @@ def test_killed_at_random_moments_and_gone_on_with_no_trial_is_lost_or_repeated(
 
 
 def gaits():
-    return [(p, s, t, n) for n in (1, 2, 3) for p, s, t in (("P1", "TC6", "TO5"), ("P21", "TO5", "TC6"))]
+    return [(p, s, t, n) for n in (1, 2) for p, s, t in (("P1", "TC6", "TO5"), ("P21", "TO5", "TC6"))]
 
 
 def foreign_readers_agree(folder, ended):

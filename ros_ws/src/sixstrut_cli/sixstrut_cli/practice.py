@@ -19,6 +19,7 @@ from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.virtual_port import read_handshake
 from sim_core.structure import STRUTS
 from sixstrut_cli.errors import StackError
+from sixstrut_cli.lateness import Lateness
 
 START_LIMIT_S = 180.0
 """The first time on a machine its kernels are compiled."""
@@ -54,11 +55,10 @@ class Eyes:
 
     def __init__(self, observer: str | None, time_scale: float):
         self._observer = observer
-        self._time_scale = time_scale
+        self._lateness = Lateness(time_scale)
         self._client: ObserverClient | None = None
         self._news = threading.Condition()
         self._newest: Observation | None = None
-        self._offset_s, self._least_offset_s = 0.0, float("inf")
 
     def __enter__(self) -> Eyes:
         if self._observer is not None:
@@ -85,12 +85,11 @@ class Eyes:
         """At rest, and seen since then: what is simulated may be late, and rest before a motion that is still to come."""
         if self._newest is None or not self._newest.settled:
             return False
-        late_s = self._offset_s - self._least_offset_s
+        late_s = self._lateness.late_s
         return late_s < LATE_S and time.monotonic() - since_s > late_s + LATE_S
 
     def _see(self, observation: Observation) -> None:
         with self._news:
             self._newest = observation
-            self._offset_s = time.monotonic() - observation.robot_time_ns * 1e-9 / self._time_scale
-            self._least_offset_s = min(self._least_offset_s, self._offset_s)
+            self._lateness.saw(observation.robot_time_ns)
             self._news.notify_all()

@@ -23,6 +23,7 @@ _ALL = (
     Entry("trial", "Run a session of trials, a day long and resumable: primitives × gaits × repeats.", "trial"),
     Entry("report", "Success rates, intervals and tests of sessions, as a page with the paper's Figure 8.", "report"),
     Entry("replay", "Step the twin through a recorded session and compare.", "replay"),
+    Entry("play", "Play a recorded session into ROS, for a twin and viewers.", "play"),
     Entry("prototype", "Run the virtual prototype alone, behind a serial port.", "prototype"),
     Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "calibrate"),
     Entry("doctor", "Check port, pairing, calibration, disk and versions; say how to mend each.", "doctor"),

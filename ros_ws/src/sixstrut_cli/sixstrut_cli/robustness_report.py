@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -149,9 +149,9 @@ def write_tables(study: Study, blame: Attribution | None, folder: Path) -> list[
         for p, s, t, rate, name in gait_rows(study)
     ]
     return [
-        _write(folder / "primitives.csv", primitives),
-        _write(folder / "gaits.csv", gaits),
-        _write(folder / "trials.csv", _trial_rows(study)),
+        write_table(folder / "primitives.csv", primitives),
+        write_table(folder / "gaits.csv", gaits),
+        write_table(folder / "trials.csv", _trial_rows(study)),
     ]
 
 
@@ -175,7 +175,8 @@ def _trial_rows(study: Study) -> Iterator[dict[str, Any]]:
                 }
 
 
-def _write(path: Path, rows: Sequence[dict[str, Any]] | Iterator[dict[str, Any]]) -> Path:
+def write_table(path: Path, rows: Iterable[dict[str, Any]]) -> Path:
+    """Write rows with the same keys as a CSV table, its first line the keys; the path. Raises OSError."""
     with path.open("w", newline="", encoding="utf-8") as file:
         table: csv.DictWriter[str] | None = None
         for row in rows:

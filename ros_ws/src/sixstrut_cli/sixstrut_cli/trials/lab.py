@@ -9,13 +9,17 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hardware_bridge.observer_client import ObserverClient
+from hardware_bridge.virtual_port import read_handshake
 from sim_core.parameters import load_prototype
 from sim_core.policy import neutral_lengths
-from sixstrut_cli.errors import SessionError
+from sixstrut_cli.errors import SessionError, StackError
+from sixstrut_cli.lateness import Lateness
 from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
 from sixstrut_cli.trials.folder import LIBRARY, LOGS, SessionFolder
 from sixstrut_cli.trials.message import message_of
@@ -25,6 +29,10 @@ ROLL_LIMIT_S = 150.0
 """Robot time that one roll may take, all motions and all settlings."""
 CALM_LIMIT_S = 60.0
 """Robot time within which the robot is seen at rest."""
+LATE_S = 1.0
+"""A virtual prototype that was later than this (s of robot time) during a roll may have been judged by what was over."""
+CATCH_UP_S = 10.0
+"""Wall time that it gets to be on time again."""
 SILENT_S = 3.0
 FREE_BYTES = 200_000_000
 """Room on the disk without which no trial begins."""
@@ -69,6 +77,8 @@ class Lab:
         self._stack: Stack | None = None
         self._links: Path | None = None
         self._neutral_m = neutral_lengths(load_prototype()).tolist()
+        self._lateness: Lateness | None = None
+        self._eye: ObserverClient | None = None
         self.operator: Any = None
         self.starts = 0
 
@@ -108,6 +118,10 @@ class Lab:
         if self.operator.bridge.virtual_port != settings.virtual_robot:
             kind = "a virtual prototype's" if self.operator.bridge.virtual_port else "a real one"
             raise SessionError(f"port {port} is {kind}, but session {settings.name} is not: begin another session for it")
+        handshake = read_handshake(str(port))
+        if handshake is not None:
+            self._lateness = lateness = Lateness(handshake.time_scale)
+            self._eye = ObserverClient(handshake.observer, lambda observation: lateness.saw(observation.robot_time_ns))
 
     def _start_prototype(self, stack: Stack, face: str) -> str:
         settings = self._session.settings
@@ -129,6 +143,9 @@ class Lab:
 
     def stop(self) -> dict[str, int]:
         """End client and processes in order; exit codes by name. Safe to call twice."""
+        eye, self._eye, self._lateness = self._eye, None, None
+        if eye is not None:
+            eye.close()
         operator, self.operator = self.operator, None
         stack, self._stack = self._stack, None
         links, self._links = self._links, None
@@ -231,8 +248,25 @@ class Lab:
 
         wait_until(rested, 30.0 + 700.0 / self.scale, "the actuators' rest", self._stack)
 
+    def _late(self) -> str:
+        """Why a virtual prototype cannot be believed, when it is on time again, or stays late; empty: it can."""
+        lateness = self._lateness
+        if lateness is None or lateness.worst_s * self.scale <= LATE_S:
+            return ""
+        worst_s = lateness.worst_s * self.scale
+        with suppress(StackError):
+            wait_until(lambda: lateness.late_s * self.scale < LATE_S, CATCH_UP_S, "a prototype that is on time", self._stack)
+            self.wait_for_rest()
+        return (
+            f"the virtual prototype was {worst_s:.1f} s of robot time late: this computer is too busy for --time-scale "
+            f"{self.scale:g}; lower it"
+        )
+
     def roll(self, source: str, target: str, primitive: str, tell: Callable[[Any], None], watch: Callable[[], None]) -> Rolled:
-        """One roll and the return. Raises StackError; what `watch` raises, with the struts held."""
+        """One roll and the return. Raises StackError; what `watch` raises, with the struts held.
+
+        A roll during which a virtual prototype was late is none: its computer was too busy to tell how it ended.
+        """
         before = self.operator.bridge.write_errors
         complaints: list[str] = []
 
@@ -242,16 +276,19 @@ class Lab:
                 complaints.append(bridge.reason)
             watch()
 
+        if self._lateness is not None:
+            self._lateness.forget()
         limit_s = 30.0 + ROLL_LIMIT_S / self.scale
         result = self.operator.roll(target, tell, limit_s, source=source, primitive=primitive, watch=look)
         errors = self.operator.bridge.write_errors - before
         if errors:
             complaints.append(f"{errors} write errors")
+        late = self._late()
         return Rolled(
-            bool(result.success),
-            bool(result.completed),
-            str(result.reason),
-            str(result.observed_face),
+            bool(result.success) and not late,
+            bool(result.completed) and not late,
+            late or str(result.reason),
+            self.face if late else str(result.observed_face),
             tuple(result.face_sequence),
             float(result.duration_s),
             "; ".join(complaints),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import math
 import shlex
 from collections.abc import Iterable, Sequence
@@ -10,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from sim_core.rates import Rate
-from sixstrut_cli.robustness_report import rate_document, shown
+from sixstrut_cli.robustness_report import rate_document, shown, write_table
 from sixstrut_cli.trials import page
 from sixstrut_cli.trials.analysis import PAPER, Group, Told
 from sixstrut_cli.trials.figures import figure_8, gaits_picture, odds_picture
@@ -46,10 +45,10 @@ class Report:
     def write(self, folder: Path) -> Path:
         """Write tables, pictures and the page, which it returns. Raises OSError."""
         folder.mkdir(parents=True, exist_ok=True)
-        _write(folder / "primitives.csv", self._primitives())
-        _write(folder / "gaits.csv", self._gaits())
-        _write(folder / "tests.csv", self._tests())
-        _write(folder / "trials.csv", self._trials())
+        write_table(folder / "primitives.csv", self._primitives())
+        write_table(folder / "gaits.csv", self._gaits())
+        write_table(folder / "tests.csv", self._tests())
+        write_table(folder / "trials.csv", self._trials())
         figure_8(self.groups, folder / "figure8.png")
         pictures = []
         for letter, group in zip("ab", self.groups, strict=False):
@@ -280,13 +279,3 @@ def _spread(rate: Rate) -> str:
 
 def _percent(rate: float | None) -> str:
     return "none predicted" if rate is None else f"{100 * rate:.1f} %"
-
-
-def _write(path: Path, rows: Iterable[dict[str, Any]]) -> None:
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table: csv.DictWriter[str] | None = None
-        for row in rows:
-            if table is None:
-                table = csv.DictWriter(file, list(row), lineterminator="\n")
-                table.writeheader()
-            table.writerow(row)
