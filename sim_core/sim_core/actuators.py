@@ -20,9 +20,10 @@ For each actuator, with commanded length c, length of the screw x, supply voltag
 
 from __future__ import annotations
 
+import hashlib
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -32,12 +33,16 @@ import yaml
 from numpy.typing import NDArray
 
 from sim_core.errors import ParameterError
-from sim_core.parameters import SOURCES, Spec
+from sim_core.parameters import SOURCES, Prototype, Spec
 
 Array = NDArray[np.float64]
 SCHEMA = 1
 IDEAL, STAND_IN = "ideal", "stand-in"
 """Names of actuators: the solver's own, and those of the shipped file."""
+PERIOD_S = 0.01
+"""Robot time between looks at the struts' forces."""
+SPEED_OF_FOLLOWING = 2.0
+"""Speed of the solver's own actuators over the fastest of the model here, which they only follow, without jerks."""
 
 SPECS: dict[str, Spec] = {
     "no_load_speed_m_s": Spec("m/s", 1e-4, 1.0),
@@ -178,6 +183,16 @@ def lengths_m(parameters: ActuatorParameters, actuators: Actuators) -> Array:
     """Lengths (6,) that the struts have: the screws', shifted within the play by the load."""
     side = np.minimum(np.maximum(actuators.load_n / parameters.play_load_n, -1.0), 1.0)
     return np.asarray(actuators.screw_m + 0.5 * parameters.play_m * side)
+
+
+def following(prototype: Prototype, parameters: ActuatorParameters) -> Prototype:
+    """The prototype with struts quick enough to follow these actuators, whose lengths they are given every `PERIOD_S`."""
+    return replace(prototype, actuator_speed_m_s=SPEED_OF_FOLLOWING * parameters.no_load_speed_m_s)
+
+
+def hash_of(parameters: ActuatorParameters) -> str:
+    """Identifies actuators: sha256 over every number, 16 hex digits."""
+    return hashlib.sha256(repr(parameters).encode()).hexdigest()[:16]
 
 
 def default_path() -> Path:

@@ -12,6 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim_core import actuators
+from sim_core.actuators import PERIOD_S, ActuatorParameters, hash_of
 from sim_core.model import Model
 from sim_core.robot import Robot
 
@@ -80,8 +82,15 @@ class Follower:
         resets: how often an observation contradicted the twin and put it on another face.
     """
 
-    def __init__(self, model: Model, face: str = "TC6"):
-        """A twin resting on `face` until the first event. Raises UnknownFaceError."""
+    def __init__(self, model: Model, face: str = "TC6", parameters: ActuatorParameters | None = None):
+        """A twin resting on `face` until the first event.
+
+        Args:
+            parameters: of its actuators, for a model of a `following` prototype; None: the solver's own, which feel no load.
+
+        Raises:
+            UnknownFaceError.
+        """
         self.model = model
         self.robot = Robot.resting_on(model, face)
         self.first_seq = self.last_seq = 0
@@ -90,6 +99,14 @@ class Follower:
         self._origin = 0
         self._steps_before_reset = 0
         self._pending: Observed | None = None
+        self._parameters = parameters
+        self._commanded_m = self.robot.targets_m()
+        self._actuators = self._resting_actuators()
+
+    @property
+    def identity(self) -> str:
+        """Two followers with the same one give the same bits for the same events: the model's hash, and its actuators'."""
+        return self.model.hash if self._parameters is None else f"{self.model.hash}-{hash_of(self._parameters)}"
 
     @property
     def step(self) -> int:
@@ -104,14 +121,42 @@ class Follower:
             self._origin = at - self.step
         steps = at - self._origin - self.step
         if steps > 0:
-            self.robot.advance(steps)
+            self._advance(steps)
         self.robot_time_ns = event.robot_time_ns
         if isinstance(event, Sent):
-            self.robot.set_targets(np.array(event.lengths_m))
+            self._commanded_m = self.model.rest_lengths(np.array(event.lengths_m))
+            if self._actuators is None:
+                self.robot.set_raw_targets(self._commanded_m)
         else:
             self._pending = event if event.settled and event.face is not None else None
         self.last_seq = event.seq
         self._heed_observation()
+
+    def _advance(self, steps: int) -> None:
+        """The actuators look at their load at whole periods since the first event, wherever events cut the time between."""
+        if self._parameters is None or self._actuators is None:
+            self.robot.advance(steps)
+            return
+        period = round(PERIOD_S * self.model.steps_per_second)
+        while steps > 0:
+            if self.step % period == 0:
+                self._actuators = actuators.step(
+                    self._parameters,
+                    self._actuators,
+                    self._commanded_m,
+                    self.robot.strut_forces_n(),
+                    self.model.elements.strut_mid_m,
+                    period / self.model.steps_per_second,
+                )
+                self.robot.set_raw_targets(actuators.lengths_m(self._parameters, self._actuators))
+            taken = min(steps, period - self.step % period)
+            self.robot.advance(taken)
+            steps -= taken
+
+    def _resting_actuators(self) -> actuators.Actuators | None:
+        if self._parameters is None:
+            return None
+        return actuators.at_rest(self._parameters, self.robot.rest_lengths_m(), self.robot.strut_forces_n())
 
     def _heed_observation(self) -> None:
         """Once the twin is itself at rest, put it where it was observed, if it stands elsewhere."""

@@ -21,9 +21,9 @@ PLANS = {
             offspring=160,
             polish=22,
             apart_mm=8,
-            # three to one: uphill strength costs the TC6-TO5 rolls their tolerance of ill-made robots
-            training=(Training(LEVEL, 24, 11_001), Training(INCLINED, 8, 11_002)),
-            choice=(Training(LEVEL, 96, 12_001), Training(INCLINED, 32, 12_002)),
+            # two to one: uphill strength costs the TC6-TO5 rolls their tolerance of ill-made robots
+            training=(Training(LEVEL, 24, 11_001), Training(INCLINED, 12, 11_002)),
+            choice=(Training(LEVEL, 96, 12_001), Training(INCLINED, 48, 12_002)),
         ),
     )
 }

@@ -1,9 +1,12 @@
 import random
 
+import numpy as np
 import pytest
 
+from sim_core.actuators import following, load_actuators
 from sim_core.follow import Follower, Observed, Order, Sent
 from sim_core.library import load_library
+from sim_core.model import build_model
 from sim_core.policy import lengths_of, neutral_lengths
 
 MS = 1_000_000
@@ -90,3 +93,23 @@ def test_order_gives_up_on_an_event_that_never_comes():
         out += order.add(Sent(n, n * MS, (0.234,) * 6))
     assert [event.seq for event in out] == [1, 2, *range(4, 20)]
     assert order.lost == 1
+
+
+def test_actuators_that_feel_their_load_lag_behind_and_do_not_heed_how_events_cut_the_time(prototype, policy):
+    parameters = load_actuators()
+    quick = build_model(following(prototype, parameters))
+    events = stream(quick, policy)
+    changes = [event for i, event in enumerate(events) if i == 0 or event.lengths_m != events[i - 1].lengths_m]
+    loaded, cut, ideal = (Follower(quick, "TC6", p) for p in (parameters, parameters, None))
+    apart = 0.0
+    for event in events:
+        loaded.apply(event)
+        ideal.apply(event)
+        apart = max(apart, float(np.abs(loaded.robot.rest_lengths_m() - ideal.robot.rest_lengths_m()).max()))
+    for event in (*changes, events[-1]):
+        cut.apply(event)
+    assert apart > 0.002
+    assert cut.digest() == loaded.digest()
+    assert loaded.identity.startswith(f"{quick.hash}-")
+    assert ideal.identity == quick.hash
+    assert loaded.robot.footing().face == "TO5"

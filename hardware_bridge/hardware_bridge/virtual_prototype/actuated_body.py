@@ -9,12 +9,6 @@ from hardware_bridge.virtual_prototype.body import SimulatedBody
 from sim_core import actuators
 from sim_core.actuators import ActuatorParameters
 
-PERIOD_S = 0.01
-"""Robot time between looks at the struts' forces."""
-
-SPEED_OF_FOLLOWING = 2.0
-"""Speed of the solver's own actuators over the fastest of the model here, which they only follow, without jerks."""
-
 
 class ActuatedBody(SimulatedBody):
     """A perturbed robot whose actuators slow down, stall, slide and pull down their supply. Drawn here and told to nobody.
@@ -31,7 +25,7 @@ class ActuatedBody(SimulatedBody):
 
     def __init__(self, face: str, perturbation: float, seed: int, parameters: ActuatorParameters) -> None:
         self._parameters = parameters
-        super().__init__(face, perturbation, seed, SPEED_OF_FOLLOWING * parameters.no_load_speed_m_s)
+        super().__init__(face, perturbation, seed, parameters)
         rng = np.random.default_rng([seed, 1])
         self._strength = 1.0 + perturbation * rng.uniform(-1.0, 1.0, 6)
         self._mid_m = self._robot.model.elements.strut_mid_m
@@ -45,7 +39,7 @@ class ActuatedBody(SimulatedBody):
 
     def advance_to(self, time_s: float) -> None:
         """See :class:`Body`."""
-        period = max(1, round(PERIOD_S * self._steps_per_second))
+        period = max(1, round(actuators.PERIOD_S * self._steps_per_second))
         while (steps := min(period, int(time_s * self._steps_per_second) - self._steps)) > 0:
             forces_n = self._robot.strut_forces_n()
             dt_s = steps / self._steps_per_second

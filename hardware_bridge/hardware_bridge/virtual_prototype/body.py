@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware_bridge.observation import Observation
+from sim_core.actuators import ActuatorParameters, following
 
 REST_S = 0.2
 """How long all joints must have been slow for the robot to be settled."""
@@ -51,18 +51,18 @@ class SimulatedBody:
         face: It rests on.
         perturbation: Scale of its perturbation, 0.05 for 5 %.
         seed: Of the draw.
-        actuator_speed_m_s: Constant speed of the solver's actuators; None: the prototype's.
+        parameters: Of actuators that the solver's own are to follow; None: these are the robot's.
     """
 
-    def __init__(self, face: str, perturbation: float, seed: int, actuator_speed_m_s: float | None = None) -> None:
+    def __init__(self, face: str, perturbation: float, seed: int, parameters: ActuatorParameters | None = None) -> None:
         from sim_core.model import build_model
         from sim_core.parameters import load_prototype
         from sim_core.perturbation import perturb
         from sim_core.robot import Robot
 
         prototype = load_prototype()
-        if actuator_speed_m_s is not None:
-            prototype = replace(prototype, actuator_speed_m_s=actuator_speed_m_s)
+        if parameters is not None:
+            prototype = following(prototype, parameters)
         self.mid_stroke_length_m = prototype.strut_length_m
         model = perturb(build_model(prototype), perturbation, seed) if perturbation else build_model(prototype)
         self._steps_per_second = int(model.steps_per_second)

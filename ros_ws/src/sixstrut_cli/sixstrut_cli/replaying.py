@@ -10,6 +10,7 @@ import yaml
 
 from hardware_bridge.bag_reader import Session
 from hardware_bridge.errors import BridgeError
+from sim_core.actuators import ActuatorParameters
 from sim_core.follow import Event, Follower, Observed, Sent
 from sim_core.frozen import label_of
 from sim_core.model import Model, build_model
@@ -97,11 +98,17 @@ def events_of(session: Session) -> list[Event]:
     return sorted(events, key=lambda event: event.seq)
 
 
-def replay(session: Session, model: Model | None = None, report: Callable[[int, int], None] = lambda done, total: None) -> Replay:
+def replay(
+    session: Session,
+    model: Model | None = None,
+    actuators: ActuatorParameters | None = None,
+    report: Callable[[int, int], None] = lambda done, total: None,
+) -> Replay:
     """Step a fresh twin through the bag; compare bits with the live twin's and faces with those observed.
 
     Args:
-        model: default: the bag's own. report: called with (events done, total).
+        model: default: the bag's own. actuators: of the twin, for a `following` model; None: ideal ones.
+        report: called with (events done, total).
     """
     model = model or model_of(session)
     events = events_of(session)
@@ -111,7 +118,8 @@ def replay(session: Session, model: Model | None = None, report: Callable[[int, 
     before = [e for e in events if isinstance(e, Observed) and e.seq < first_seq and e.face]
     start = (before[-1].face if before else None) or _start_face(session)
     events = [event for event in events if event.seq >= first_seq]
-    follower, result = Follower(model, start), Replay(model_hash=model.hash)
+    follower = Follower(model, start, actuators)
+    result = Replay(model_hash=follower.identity)
     result.origin_s = began_s = events[0].robot_time_ns / 1e9
     for done, event in enumerate(events, start=1):
         follower.apply(event)
@@ -127,7 +135,7 @@ def replay(session: Session, model: Model | None = None, report: Callable[[int, 
             result.recorded = event.face
         state = live.get(event.seq)
         comparable = state is not None and (state.first_seq, state.robot_time_ns) == (follower.first_seq, event.robot_time_ns)
-        if state is not None and comparable and state.model_hash == model.hash:
+        if state is not None and comparable and state.model_hash == follower.identity:
             result.live_states += 1
             if (state.digest, state.step) == (follower.digest(), follower.step):
                 result.same_states += 1

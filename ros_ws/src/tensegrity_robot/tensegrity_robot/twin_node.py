@@ -23,6 +23,7 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from hardware_bridge.streamer import Streamer
+from sim_core.actuators import following, require_actuators
 from sim_core.errors import SimError
 from sim_core.follow import Event, Follower, Observed
 from sim_core.model import build_model
@@ -60,6 +61,7 @@ class TwinParameters:
     prototype_file: str = parameter("", "YAML of the robot's numbers; empty: the nominal prototype")
     perturbation: float = parameter(0.0, "scale of random errors of the model, 0.1 for ±10 %", low=0.0, high=MAX_SCALE)
     seed: int = parameter(0, "seed of the random errors", low=0, high=2**31 - 1)
+    actuators: str = parameter("ideal", "following: its actuators: ideal, stand-in (they feel their load), or a YAML file")
     rate_hz: float = parameter(20.0, "how often state and joints are published [Hz]", low=1.0, high=200.0)
     markers_hz: float = parameter(10.0, "how often markers are published [Hz]; 0: never", low=0.0, high=20.0)
     frame: str = parameter("odom", "frame of all poses")
@@ -85,12 +87,17 @@ class TwinNode(Node):
         try:
             require_face(p.start_face)
             prototype = load_prototype(p.prototype_file or None)
+            self._actuators = require_actuators(p.actuators)
+            if self._actuators is not None:
+                if p.mode == "standalone":
+                    raise StartError(f"actuators {p.actuators!r}: a stand-alone twin has ideal ones only")
+                prototype = following(prototype, self._actuators)
             if not is_warm():
                 self.get_logger().info("compiling the solver, once for these sources: some seconds")
                 warm_up([Stage.ROBOT])
             self._model = perturb(build_model(prototype), p.perturbation, p.seed)
             self._alone = StandAlone(self._model, p.start_face, p.time_scale) if p.mode == "standalone" else None
-            self._follower = Follower(self._model, p.start_face)
+            self._follower = Follower(self._model, p.start_face, self._actuators)
         except SimError as error:
             raise StartError(str(error)) from error
         self._stream = EventStream()
@@ -120,7 +127,7 @@ class TwinNode(Node):
             self.create_subscription(JointTrajectory, "twin/command", self._on_command, qos.STATES)
         if p.markers_hz > 0.0:
             self.create_timer(1.0 / p.markers_hz, self._publish_markers)
-        self.get_logger().info(f"twin ({p.mode}) stands on {p.start_face}, model {self._model.hash}")
+        self.get_logger().info(f"twin ({p.mode}) stands on {p.start_face}, model {self._follower.identity}")
         self._deadlines = Streamer(self._on_deadline, self._on_failure, 1.0 / p.rate_hz, "twin states")
         self._deadlines.start()
 
@@ -180,7 +187,7 @@ class TwinNode(Node):
     def _begin(self, begin: Begin) -> None:
         """A new stream: begin where the robot was last seen, else where the twin believes it to stand."""
         self._began_on = begin.face or self._follower.robot.footing().face or self._settings.start_face
-        self._follower = Follower(self._model, self._began_on)
+        self._follower = Follower(self._model, self._began_on, self._actuators)
         self._rest = RestWatch()
         self.get_logger().info(f"the event stream begins; the twin stands on {self._began_on}")
 
@@ -252,6 +259,7 @@ class TwinNode(Node):
         message.at_rest = self._at_rest
         if self._alone is None:
             follower = self._follower
+            message.model_hash = follower.identity
             message.step, message.first_seq, message.last_seq = follower.step, follower.first_seq, follower.last_seq
             message.detail = (
                 f"began on {self._began_on}, {self._stream.lost} events lost, {follower.resets} corrections by observation"

@@ -14,6 +14,9 @@ from sixstrut_cli.commands.options import JsonOption
 
 def command(
     bag: Annotated[Path, typer.Argument(help="An .mcap file that the bridge recorded.")],
+    actuators: Annotated[
+        str, typer.Option(help="The twin's actuators, as the twin had them: ideal, stand-in, or a YAML file.")
+    ] = "ideal",
     compare: Annotated[bool, typer.Option("--compare", help="Also a bag of another model: compare its faces only.")] = False,
     trial: Annotated[
         list[int] | None,
@@ -50,7 +53,7 @@ def command(
     if trial or trials:
         same = _by_trial(bag, trial or [], ensemble, asked, compare, picture, as_json)
     else:
-        same = _whole(bag, asked, compare, picture, as_json)
+        same = _whole(bag, asked, actuators, compare, picture, as_json)
     if not same:
         raise typer.Exit(4)
 
@@ -131,20 +134,22 @@ def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _whole(bag: Path, changes: dict[str, float], compare: bool, picture: Path | None, as_json: bool) -> bool:
+def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, picture: Path | None, as_json: bool) -> bool:
     from rich.progress import Progress
 
     from hardware_bridge.bag_reader import read_session
-    from sixstrut_cli.replaying import replay, require_same_model
+    from sim_core.actuators import require_actuators
+    from sixstrut_cli.replaying import model_of, replay, require_same_model
     from sixstrut_cli.trials.replayed import changed_model
 
+    drives = require_actuators(actuators)
     session = read_session(bag)
-    model = changed_model(session, changes)
     if not (changes or compare):
-        require_same_model(session, model)
+        require_same_model(session, model_of(session))
+    model = changed_model(session, changes, drives)
     with Progress(transient=True, disable=as_json) as bar:
         task = bar.add_task("replaying", total=None)
-        result = replay(session, model, report=lambda done, total: bar.update(task, completed=done, total=total))
+        result = replay(session, model, drives, report=lambda done, total: bar.update(task, completed=done, total=total))
     same_bits = result.same_states == result.live_states
     same_face = result.recorded is None or result.final == result.recorded
     if picture is not None:

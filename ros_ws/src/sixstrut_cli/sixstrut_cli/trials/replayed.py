@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from hardware_bridge.bag_reader import Session, read_session, seconds_of
+from sim_core.actuators import ActuatorParameters, following
 from sim_core.errors import SimError
 from sim_core.follow import Follower, Sent
 from sim_core.library import Gait, Library, gait_of, parse_library
@@ -90,8 +91,8 @@ def chosen_trials(lines: Sequence[Line], numbers: Sequence[int]) -> list[Line]:
     return [known[number] for number in numbers] if numbers else list(lines)
 
 
-def changed_model(session: Session, changes: Mapping[str, float]) -> Model:
-    """The bag's own model with other numbers, by the names of `sixstrut parameters` (or mu_s, mu_k).
+def changed_model(session: Session, changes: Mapping[str, float], actuators: ActuatorParameters | None = None) -> Model:
+    """The bag's own model with other numbers, by the names of `sixstrut parameters` (or mu_s, mu_k), to follow these actuators.
 
     Raises:
         SimError: no such parameter, or a value that is not valid.
@@ -103,7 +104,7 @@ def changed_model(session: Session, changes: Mapping[str, float]) -> Model:
     # the lower of two that are bound to each other first, so that neither passes the other on the way
     for name in sorted(changes, key=lambda name: changes[name]):
         robot = with_value(robot, SHORT_NAMES.get(name, name), changes[name])
-    return build_model(robot)
+    return build_model(robot if actuators is None else following(robot, actuators))
 
 
 def library_of(session: Session) -> Library:
