@@ -31,12 +31,13 @@ DEFAULT_LAW = Law(0.1)
 
 @dataclass(frozen=True)
 class Setting:
-    """What is demonstrated: so many hidden robots, trials of each, primitives of each class, members of the fit; one seed."""
+    """What is demonstrated: hidden robots, trials of each, primitives of each class; members and later rounds of a fit; a seed."""
 
     robots: int = 3
     trials: int = 32
     primitives: int = 3
     members: int = 64
+    rounds: int = 1
     seed: int = 1
     prior: Prior = field(default_factory=Prior)
 
@@ -122,7 +123,16 @@ def _case(
     report: Report,
 ) -> Case:
     seen = [Seen(roll_of(gaits[i]), bool(truth[i]), True) for i in tried]
-    found = fit(model, seen, setting.prior, setting.members, setting.seed, first_wins=first[:, tried], report=report)
+    found = fit(
+        model,
+        seen,
+        setting.prior,
+        setting.members,
+        setting.seed,
+        rounds=setting.rounds,
+        report=report,
+        first_wins=first[:, tried],
+    )
     prior_odds = fitted_prior(model, found, seen, gaits, DEFAULT_MEMBERS, report)
     fitted = np.array([prior_odds[roll_of(gait)] for gait in gaits])
     others = np.setdiff1d(np.arange(len(gaits)), tried)
