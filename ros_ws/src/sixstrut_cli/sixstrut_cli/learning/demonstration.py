@@ -16,7 +16,7 @@ from sim_core.learned_odds import WEIGHT
 from sim_core.library import Gait, Library
 from sim_core.members import LABELS, Member, Prior
 from sim_core.model import Model
-from sim_core.posterior import beta_mean, log_score, predictive
+from sim_core.posterior import LAPSE, beta_mean, log_score, predictive
 from sim_core.rehearsal import MEMBERS as DEFAULT_MEMBERS
 from sim_core.rehearsal import SEED as DEFAULT_SEED
 from sim_core.uncertainty import Law, sample
@@ -31,7 +31,7 @@ DEFAULT_LAW = Law(0.1)
 
 @dataclass(frozen=True)
 class Setting:
-    """What is demonstrated: hidden robots, trials of each, primitives of each class; members and later rounds of a fit; a seed."""
+    """What is demonstrated: hidden robots, trials of each, primitives of each class; how to fit (`fitting.fit`); a seed."""
 
     robots: int = 3
     trials: int = 32
@@ -39,6 +39,7 @@ class Setting:
     members: int = 64
     rounds: int = 1
     seed: int = 1
+    lapse: float = LAPSE
     prior: Prior = field(default_factory=Prior)
 
 
@@ -95,7 +96,7 @@ def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[
     rolls = [(roll_of(gait), True) for gait in gaits]
     hidden = [hidden_robot(setting.prior, setting.seed, number) for number in range(setting.robots)]
     truth = wins_of(model, hidden, rolls, bar("hidden robots"))
-    default = _default_odds(model, gaits, bar("default ensemble"))
+    default = _default_odds(model, gaits, setting.lapse, bar("default ensemble"))
     first = wins_of(model, prior_members(setting.prior, setting.members, setting.seed)[1], rolls, bar("prior ensemble"))
     cases = []
     for number, robot in enumerate(hidden):
@@ -104,11 +105,11 @@ def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[
     return Demonstration(setting, library, len(gaits), len(gaits) - setting.trials, tuple(cases))
 
 
-def _default_odds(model: Model, gaits: Sequence[Gait], report: Report) -> NDArray[np.float64]:
+def _default_odds(model: Model, gaits: Sequence[Gait], lapse: float, report: Report) -> NDArray[np.float64]:
     members = sample(model, DEFAULT_LAW, DEFAULT_MEMBERS, DEFAULT_SEED)
     jobs = [Job(k, gait.source, gait.policy, gait.target) for k in range(len(members)) for gait in gaits]
     wins = np.array([stood_on_target(result) for result in Batch(members).run(jobs, report)]).reshape(len(members), -1)
-    return predictive(wins, np.full(len(members), 1.0 / len(members)))
+    return predictive(wins, np.full(len(members), 1.0 / len(members)), lapse)
 
 
 def _case(
@@ -129,6 +130,7 @@ def _case(
         setting.prior,
         setting.members,
         setting.seed,
+        setting.lapse,
         rounds=setting.rounds,
         report=report,
         first_wins=first[:, tried],
@@ -136,7 +138,7 @@ def _case(
     prior_odds = fitted_prior(model, found, seen, gaits, DEFAULT_MEMBERS, report)
     fitted = np.array([prior_odds[roll_of(gait)] for gait in gaits])
     others = np.setdiff1d(np.arange(len(gaits)), tried)
-    flat = predictive(first, np.full(len(first), 1.0 / len(first)))
+    flat = predictive(first, np.full(len(first), 1.0 / len(first)), setting.lapse)
     scores = tuple(log_score(odds[others], truth[others]) for odds in (default, flat, fitted))
     for i in tried:
         fitted[i] = beta_mean(float(fitted[i]), WEIGHT, int(truth[i]), 1)

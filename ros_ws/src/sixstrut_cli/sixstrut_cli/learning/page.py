@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from sim_core.learned_odds import WEIGHT
-from sim_core.posterior import LAPSE
 from sim_core.rehearsal import MEMBERS as DEFAULT_MEMBERS
 from sixstrut_cli.learning.demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Demonstration
 
@@ -50,8 +49,8 @@ def page_of(shown: Demonstration, model_hash: str) -> str:
         f"class; seed {s.seed}. Each hidden robot stands on a floor that is tilted by {TILT_DEG:g} degrees in a direction of its",
         f"own, with {low:g} to {high:g} % of the drawing's friction. Of its {shown.gaits} gaits {s.trials} are tried, drawn by the",
         f"seed, and {shown.held_out} are held out. The fit does not know the robot, but a prior ({s.prior.words}).",
-        f"It draws {s.members} members in each of up to {s.rounds + 1} rounds; lapse rate {LAPSE:g}. The default ensemble is that",
-        f"of `rehearse`: {DEFAULT_MEMBERS} robots, {DEFAULT_LAW.words}.",
+        f"It draws {s.members} members in each of up to {s.rounds + 1} rounds; lapse rate {s.lapse:g}. The default ensemble is",
+        f"that of `rehearse`: {DEFAULT_MEMBERS} robots, {DEFAULT_LAW.words}.",
         "",
         "## What the fits say",
         "",

@@ -143,7 +143,15 @@ def text_of(tries: Tries, found: Fit | None) -> str:
 def demonstrated(model: Model, asked: Asked, robots: int, primitives: int, library: str, path: Path) -> str:
     """Demonstrate on hidden virtual robots; write the page, which is returned. Raises OSError."""
     compile_first(Stage.BATCH)
-    setting = Setting(robots, primitives=primitives, members=asked.members, rounds=asked.rounds, seed=asked.seed, prior=asked.prior)
+    setting = Setting(
+        robots,
+        primitives=primitives,
+        members=asked.members,
+        rounds=asked.rounds,
+        seed=asked.seed,
+        lapse=asked.lapse,
+        prior=asked.prior,
+    )
     with bars("rolls") as bar:
         shown = demonstrate(model, load_library(library), setting, bar)
     text = page_of(shown, model.hash)
