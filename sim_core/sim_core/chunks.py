@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from sim_core.batch import Batch, Job
 from sim_core.elements import IMPROVED
 from sim_core.errors import ModelError
+from sim_core.members import Member, member_model
 from sim_core.model import Model, build_model
 from sim_core.parameters import Prototype
 from sim_core.robot import SETTLE_S
@@ -33,18 +34,22 @@ class Draw(NamedTuple):
     number: int
 
 
+Robot = Draw | Member | None
+"""Which robot: a perturbed one, one of a fitted ensemble, or the nominal one."""
+
+
 @dataclass(frozen=True)
 class Chunk:
     """Rolls to be done together.
 
     Attributes:
         prototype, kind: the nominal robot.
-        draws: the robots that `Job.model` counts; None is the nominal one.
+        draws: the robots that `Job.model` counts.
         jobs: what to roll.
     """
 
     prototype: Prototype
-    draws: tuple[Draw | None, ...]
+    draws: tuple[Robot, ...]
     jobs: tuple[Job, ...]
     kind: str = IMPROVED
 
@@ -57,7 +62,7 @@ class Chunk:
 
 
 def _unpacked(
-    prototype: Prototype, draws: tuple[Draw | None, ...], table: NDArray[np.uint32], rolls: tuple[Any, ...], kind: str
+    prototype: Prototype, draws: tuple[Robot, ...], table: NDArray[np.uint32], rolls: tuple[Any, ...], kind: str
 ) -> Chunk:
     return Chunk(prototype, draws, tuple(Job(model, *rolls[roll]) for model, roll in table.tolist()), kind)
 
@@ -169,19 +174,20 @@ def _nominal(prototype: Prototype, kind: str) -> Model:
 
 
 @lru_cache(maxsize=4)
-def _batch_of(prototype: Prototype, kind: str, draws: tuple[Draw | None, ...], threads: int) -> Batch:
+def _batch_of(prototype: Prototype, kind: str, draws: tuple[Robot, ...], threads: int) -> Batch:
     """The robots of a chunk, settled on faces as they were needed: a search comes back to the same ones again and again."""
     return Batch(_models_of(_nominal(prototype, kind), draws), threads)
 
 
-def _models_of(nominal: Model, draws: Sequence[Draw | None]) -> list[Model]:
+def _models_of(nominal: Model, draws: Sequence[Robot]) -> list[Model]:
     models: dict[int, Model] = {number: nominal for number, draw in enumerate(draws) if draw is None}
+    models |= {number: member_model(nominal, draw) for number, draw in enumerate(draws) if isinstance(draw, Member)}
     rows: dict[tuple[Law, int], list[int]] = {}
     for number, draw in enumerate(draws):
-        if draw is not None:
+        if isinstance(draw, Draw):
             rows.setdefault((draw.law, draw.seed), []).append(number)
     for (law, seed), numbers in rows.items():
-        indices = [draw.number for draw in draws if draw is not None and (draw.law, draw.seed) == (law, seed)]
+        indices = [draw.number for draw in draws if isinstance(draw, Draw) and (draw.law, draw.seed) == (law, seed)]
         try:
             models |= zip(numbers, sample_at(nominal, law, seed, indices), strict=True)
         except ModelError as error:

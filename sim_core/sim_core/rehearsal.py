@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from sim_core.batch import Batch, Job
+from sim_core.ensemble_file import Posterior
 from sim_core.library import Gait
 from sim_core.model import Model
 from sim_core.rates import Rate, rate_of
@@ -38,14 +39,25 @@ class Ensemble:
     """Perturbed robots that rehearse; settled on a face once, when it is first needed.
 
     Attributes:
-        law: how the members differ.
+        law: how the members differ: a law, or what was fitted to trials, from which members are drawn by weight.
     """
 
-    def __init__(self, model: Model, law: Law | None = None, members: int = MEMBERS, seed: int = SEED, threads: int | None = None):
-        """Draw the members; default law: ±10 %. Raises ParameterError, ModelError."""
+    def __init__(
+        self,
+        model: Model,
+        law: Law | Posterior | None = None,
+        members: int = MEMBERS,
+        seed: int = SEED,
+        threads: int | None = None,
+    ):
+        """Draw the members; default law: ±10 %. Raises ParameterError, ModelError; EnsembleError: fitted to another model."""
         self.law = Law(0.1) if law is None else law
         self._members = members
-        self._batch = Batch(sample(model, self.law, members, seed), threads)
+        if isinstance(self.law, Posterior):
+            models = self.law.models(model, members, seed)
+        else:
+            models = sample(model, self.law, members, seed)
+        self._batch = Batch(models, threads)
 
     def prepare(self, *faces: str) -> None:
         """Settle the members on these faces now, so that a rehearsal from there need not."""

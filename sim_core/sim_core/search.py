@@ -20,7 +20,7 @@ import numpy as np
 
 from sim_core.batch import Job
 from sim_core.breeding import offspring
-from sim_core.chunks import Chunk, Draw, Runner, Trials, cost_of, run_here
+from sim_core.chunks import Chunk, Robot, Runner, Trials, cost_of, run_here
 from sim_core.elements import IMPROVED, KINDS
 from sim_core.elites import Candidate, Elites, distance_mm
 from sim_core.errors import ParameterError
@@ -30,7 +30,7 @@ from sim_core.model import build_model
 from sim_core.parameters import Prototype
 from sim_core.policy import Policy, checked_policy
 from sim_core.symmetry import CLASSES, RollClass, carrier
-from sim_core.uncertainty import Law
+from sim_core.training import FittedTraining, Training, Try
 
 CHUNK_JOBS = 256
 """About how many rolls make a chunk: independent of the workers."""
@@ -40,18 +40,6 @@ FIRST_LOOK = 4
 LEAST_RATE, SLACK = 0.5, 0.15
 """It goes on if at least LEAST_RATE of these trials succeed, and no fewer than SLACK below the success rate that it needs to be
 among those of which the library is chosen."""
-
-
-class Training(NamedTuple):
-    """Prototypes to train on: the first ones of (law, seed)."""
-
-    law: Law
-    prototypes: int
-    seed: int
-
-    @property
-    def draws(self) -> tuple[Draw, ...]:
-        return tuple(Draw(self.law, self.seed, number) for number in range(self.prototypes))
 
 
 @dataclass(frozen=True)
@@ -80,8 +68,8 @@ class SearchPlan:
     evaluations: int = 200_000
     active: int = 6
     apart_mm: int = 15
-    training: tuple[Training, ...] = ()
-    choice: tuple[Training, ...] = ()
+    training: tuple[Training | FittedTraining, ...] = ()
+    choice: tuple[Training | FittedTraining, ...] = ()
     spare: int = 2
 
     def __post_init__(self) -> None:
@@ -99,9 +87,8 @@ class SearchPlan:
     @property
     def words(self) -> dict[str, Any]:
         """The plan, for a library's provenance."""
-        plain = asdict(self)
-        for key in ("training", "choice"):
-            plain[key] = [{"law": t.law.words, "prototypes": t.prototypes, "seed": t.seed} for t in getattr(self, key)]
+        plain = asdict(replace(self, training=(), choice=()))
+        plain |= {key: [training.words for training in getattr(self, key)] for key in ("training", "choice")}
         return plain | {"classes": list(self.classes)}
 
 
@@ -239,7 +226,7 @@ class Search:
             found[offspring(rng, elites, limit, self.plan.active)] = None
         return list(found)
 
-    def _rolled(self, work: Sequence[tuple[Job, Draw | None]]) -> Trials:
+    def _rolled(self, work: Sequence[tuple[Job, Robot]]) -> Trials:
         """Trials of jobs, each on its own robot, in the work's order; jobs' model numbers are set here."""
         draws = tuple(dict.fromkeys(draw for _, draw in work))
         number = {draw: i for i, draw in enumerate(draws)}
@@ -255,8 +242,8 @@ class Search:
         feasible = [item for item in feasible if self._could_enter(item[0], item[1].policy, trained_merit(1.0, item[2]))]
         if not feasible:
             return []
-        first = tuple(draw for t in self.plan.training for draw in t.draws[:FIRST_LOOK])
-        rest = tuple(draw for t in self.plan.training for draw in t.draws[FIRST_LOOK:])
+        first = tuple(one for t in self.plan.training for one in t.tries[:FIRST_LOOK])
+        rest = tuple(one for t in self.plan.training for one in t.tries[FIRST_LOOK:])
         wins = self._wins([(rolls, c.policy) for rolls, c, _ in feasible], first)
         best = [(won + len(rest)) / (len(first) + len(rest)) for won in wins]
         least = {name: max(LEAST_RATE, self._needed_rate(name) - SLACK) for name in self._classes}
@@ -289,21 +276,19 @@ class Search:
         last = self._elites[name].ranked[self.plan.keep * self.plan.spare - 1 :][:1]
         return last[0].margins.get("success", 0.0) if last and last[0].merit >= FEASIBLE else 0.0
 
-    def _wins(self, policies: Sequence[tuple[RollClass, Policy]], draws: Sequence[Draw]) -> list[int]:
-        """Successes of each policy's reference gait on the drawn prototypes. Under a symmetric law these stand for all 24 gaits."""
-        if not policies or not draws:
+    def _wins(self, policies: Sequence[tuple[RollClass, Policy]], tries: Sequence[Try]) -> list[int]:
+        """Successes of each policy in these tries."""
+        if not policies or not tries:
             return [0] * len(policies)
-        work: list[tuple[Job, Draw | None]] = [
-            (Job(0, rolls.source, policy, rolls.target), draw) for rolls, policy in policies for draw in draws
-        ]
+        work = [(one.job(rolls, policy), one.robot) for rolls, policy in policies for one in tries]
         self.trained += len(work)
-        return [int(won) for won in self._rolled(work).feasible.reshape(len(policies), len(draws)).sum(axis=1)]
+        return [int(won) for won in self._rolled(work).feasible.reshape(len(policies), len(tries)).sum(axis=1)]
 
     def _chosen(self, rolls: RollClass, ranked: Sequence[Candidate]) -> list[Candidate]:
         """Candidates ranked by their success on the prototypes of the last choice."""
-        draws = tuple(draw for t in self.plan.choice for draw in t.draws)
-        wins = self._wins([(rolls, c.policy) for c in ranked], draws)
-        tried = [c._replace(margins=_tried(c.margins, won / len(draws), len(draws))) for c, won in zip(ranked, wins, strict=True)]
+        tries = tuple(one for t in self.plan.choice for one in t.tries)
+        wins = self._wins([(rolls, c.policy) for c in ranked], tries)
+        tried = [c._replace(margins=_tried(c.margins, won / len(tries), len(tries))) for c, won in zip(ranked, wins, strict=True)]
         return sorted(tried, key=lambda c: (-c.margins["success"], -c.merit, c.policy))
 
 

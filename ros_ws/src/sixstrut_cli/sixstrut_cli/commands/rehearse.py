@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from time import perf_counter
 from typing import Annotated
 
@@ -22,6 +23,10 @@ def command(
     members: Annotated[int, typer.Option(min=1, help="Perturbed robots in the ensemble.")] = 24,
     scale: Annotated[float, typer.Option(help="Their perturbation, 0.1 for ±10 %.")] = 0.1,
     incline: Annotated[float, typer.Option(help="Incline of the ground in degrees, downhill all round.")] = 0.0,
+    ensemble: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Robots fitted to trials, from `sixstrut fit --ensemble`, instead.", show_default=False),
+    ] = None,
     library: LibraryOption = "robust",
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
@@ -30,7 +35,9 @@ def command(
 
     sixstrut rehearse --from TC6
     sixstrut rehearse --from TO5 --to TC6 --primitive P21 --scale 0.2 --incline 3
+    sixstrut rehearse --from TC6 --ensemble ours.yaml
     """
+    from sim_core.ensemble_file import load_posterior
     from sim_core.face_graph import FaceGraph
     from sim_core.library import gait_of, load_library
     from sim_core.model import build_model
@@ -50,10 +57,11 @@ def command(
     targets = [target] if target else list(NEIGHBOURS[source])
     gaits = [gait_of(shelf.primitive(primitive), source, t) if primitive else graph.best(source, t).gait for t in targets]
     compile_first(Stage.BATCH)
-    ensemble = Ensemble(build_model(load_prototype(prototype)), Law(scale, incline_deg=incline), members)
-    ensemble.prepare(source)
+    law = Law(scale, incline_deg=incline) if ensemble is None else load_posterior(ensemble)
+    robots = Ensemble(build_model(load_prototype(prototype)), law, members)
+    robots.prepare(source)
     began = perf_counter()
-    rehearsed = ensemble.rehearse(gaits)
+    rehearsed = robots.rehearse(gaits)
     seconds = perf_counter() - began
     if as_json:
         rows = [
@@ -70,5 +78,5 @@ def command(
         typer.echo(f"{r.gait.name}{mirror}: {odds}; ends on {ends}")
         for reason, count in list(r.reasons.items())[:3]:
             typer.echo(f"    {count}: {reason}")
-    typer.echo(f"{len(gaits)} gaits on {members} robots ({ensemble.law.words}) in {seconds:.2f} s.")
+    typer.echo(f"{len(gaits)} gaits on {members} robots ({robots.law.words}) in {seconds:.2f} s.")
     typer.echo("Virtual: these robots share the twin's equations.")

@@ -14,7 +14,12 @@ import typer
 from sixstrut_cli.commands.options import JsonOption, PrototypeOption
 
 if TYPE_CHECKING:
+    from sim_core.parameters import Prototype
     from sim_core.search import Search
+
+TRAINING_ROBOTS, TRAINING_SEED = 32, 13_001
+CHOICE_ROBOTS, CHOICE_SEED = 128, 14_001
+"""Drawn from a fitted ensemble; as many as the plan `robust` has."""
 
 
 class Name(StrEnum):
@@ -39,6 +44,10 @@ def command(
     apart: Annotated[int | None, typer.Option(min=1, help="Two primitives differ by so many mm in some strut.")] = None,
     generations: Annotated[int | None, typer.Option(min=1, help="At most so many.", show_default="the plan's")] = None,
     evaluations: Annotated[int | None, typer.Option(min=1, help="At most so many rolls of the nominal robot.")] = None,
+    ensemble: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Of robust: train on robots fitted to trials (`sixstrut fit`).", show_default=False),
+    ] = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, even if a stopped search could go on.")] = False,
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler; default: this machine's cores.", show_default=False)
@@ -54,6 +63,7 @@ def command(
 
     sixstrut search
     sixstrut search robust -o mine.yaml --seed 7
+    sixstrut search robust --ensemble ours.yaml -o for_ours.yaml
     sixstrut search --active 3 --class TO5-TC6 --keep 5 -o three_struts.yaml
     """
     from sim_core.library import library_text
@@ -73,8 +83,12 @@ def command(
     changes |= {"classes": (roll_class,)} if roll_class else {}
     if output is not None:
         changes["name"] = path.stem
-    plan = replace(PLANS[plan_name.value], **changes)
     robot = load_prototype(prototype)
+    if ensemble is not None:
+        if plan_name is not Name.robust:
+            raise typer.BadParameter("only the plan robust trains on robots", param_hint="--ensemble")
+        changes |= _trained_on(ensemble, robot)
+    plan = replace(PLANS[plan_name.value], **changes)
     path.parent.mkdir(parents=True, exist_ok=True)
     if scheduler is None:
         compile_first(Stage.BATCH)
@@ -109,6 +123,20 @@ def command(
         f"wrote {path} (library {library.hash}, model {library.model_hash}) and {drawn}: {done.rolled} rolls of the nominal robot, "
         f"{done.trained} trials on training prototypes"
     )
+
+
+def _trained_on(path: Path, prototype: Prototype) -> dict[str, Any]:
+    """Training and choice on a fitted ensemble. Raises EnsembleError."""
+    from sim_core.ensemble_file import load_posterior
+    from sim_core.model import build_model
+    from sim_core.training import FittedTraining
+
+    posterior = load_posterior(path)
+    posterior.require(build_model(prototype))
+    return {
+        "training": (FittedTraining(posterior, TRAINING_ROBOTS, TRAINING_SEED),),
+        "choice": (FittedTraining(posterior, CHOICE_ROBOTS, CHOICE_SEED),),
+    }
 
 
 def _read(path: Path) -> Mapping[str, Any] | None:

@@ -33,6 +33,7 @@ class Settings:
         library, library_hash: of the gaits. primitives, gaits, repeats: as asked for.
         order_seed: drew the order.
         robot: which prototype. virtual_robot: it is simulated; then perturbation, seed and actuators say which.
+        computed: by what, if no stack ran: such trials are virtual, and each begins as the model places the robot; empty: they ran.
     """
 
     name: str
@@ -48,6 +49,7 @@ class Settings:
     perturbation: float = 0.0
     seed: int = 0
     actuators: str = ""
+    computed: str = ""
 
 
 @dataclass(frozen=True)

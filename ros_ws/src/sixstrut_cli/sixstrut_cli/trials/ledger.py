@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -110,18 +110,22 @@ class Ledger:
 
     def append(self, line: Line) -> None:
         """Add a line; on return it is on the disk. What a power cut left of another stays, and is closed first. Raises OSError."""
+        self.append_all([line])
+
+    def append_all(self, lines: Sequence[Line]) -> None:
+        """Add lines at once; on return they are on the disk. Raises OSError."""
         with _Whole(), self.path.open("r+b") as file:
             at = file.seek(0, os.SEEK_END)
             file.seek(at - 1)
             closing = b"" if file.read(1) == b"\n" else b"\n"
-            file.write(closing + text_of(line).encode() + b"\n")
+            file.write(closing + "".join(text_of(line) + "\n" for line in lines).encode())
             file.flush()
             os.fsync(file.fileno())
-            self.lines.append(line)
+            self.lines += lines
 
 
 class _Whole:
-    """An interruption waits until the line is written: it comes before the line or after it. Used in the main thread."""
+    """An interruption waits until the lines are written: it comes before them or after them. Used in the main thread."""
 
     SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 

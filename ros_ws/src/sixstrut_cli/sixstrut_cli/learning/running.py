@@ -1,0 +1,159 @@
+"""What the command `fit` does, step by step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from sim_core.ensemble_file import Posterior, posterior_text
+from sim_core.errors import ParameterError
+from sim_core.fitting import Fit, estimates, fit
+from sim_core.learned_odds import learned_odds
+from sim_core.library import load_library
+from sim_core.members import LABELS, Prior
+from sim_core.model import Model
+from sim_core.odds import odds_text
+from sim_core.rehearsal import MEMBERS
+from sim_core.warm_up import Stage
+from sixstrut_cli.bars import bars
+from sixstrut_cli.compiling import compile_first
+from sixstrut_cli.learning.demonstration import Setting, demonstrate, half_ranges
+from sixstrut_cli.learning.odds_of import fitted_prior, gaits_of, roll_of, shipped_prior
+from sixstrut_cli.learning.page import page_of
+from sixstrut_cli.learning.trials_of import Tries
+
+FEW = 10.0
+"""Effective sizes below this are too small to be trusted."""
+VIRTUAL = "These are virtual trials: the robot shares the model's equations, so this says nothing of a real one."
+
+
+@dataclass(frozen=True)
+class Asked:
+    """How to fit; see `sim_core.fitting.fit` and `sim_core.learned_odds.learned_odds`."""
+
+    members: int
+    rounds: int
+    seed: int
+    lapse: float
+    prior: Prior
+    weight: float
+
+
+def prior_of(words: str) -> Prior:
+    """A prior from "name=number,name=number". Raises ParameterError: an unknown name, or an impossible number."""
+    names = [field.name for field in fields(Prior)]
+    given: dict[str, float] = {}
+    for word in filter(None, (part.strip() for part in words.split(","))):
+        name, _, value = word.partition("=")
+        try:
+            given[name] = float(value)
+        except ValueError:
+            name = ""
+        if name not in names:
+            raise ParameterError(f"--prior {word!r}: valid is NAME=NUMBER with one of {', '.join(names)}")
+    return Prior(**given)
+
+
+def fitted(model: Model, tries: Tries, asked: Asked) -> Fit:
+    """Fit an ensemble, with progress on standard error. Raises what `fit` raises."""
+    compile_first(Stage.BATCH)
+    with bars("rolls") as bar:
+        return fit(model, tries.seen, asked.prior, asked.members, asked.seed, asked.lapse, asked.rounds, bar("ensemble"))
+
+
+def write_ensemble(path: Path, model: Model, tries: Tries, found: Fit) -> None:
+    """Write the ensemble's file. Raises OSError."""
+    provenance = {
+        "how": "members drawn from a prior, weighted by the likelihood of trials' outcomes",
+        "sessions": list(tries.sources),
+        "robot": tries.robot,
+        "virtual": tries.virtual,
+        "trials": len(tries.seen),
+        "successes": sum(one.won for one in tries.seen),
+        "library": tries.library.name,
+        "library_hash": tries.library.hash,
+        "prior": found.prior.plain,
+        "fit_seed": found.seed,
+        "lapse": found.lapse,
+        "effective_sizes": [round(size, 2) for size in found.effective_sizes],
+    }
+    posterior = Posterior(model.hash, provenance, found.prior.noise, found.members, found.weights)
+    path.write_text(posterior_text(posterior), encoding="utf-8")
+
+
+def write_odds(path: Path, model: Model, tries: Tries, found: Fit | None, asked: Asked) -> None:
+    """Write the odds' file: of the fitted ensemble, or without one of the shipped odds; and of each gait's own trials. OSError."""
+    source = f"{'virtual ' if tries.virtual else ''}trials of {tries.robot}: {', '.join(tries.sources)}"
+    if found is None:
+        prior = shipped_prior(tries.library)
+        how = f"odds of library {tries.library.name} as shipped, and {source}"
+    else:
+        gaits = gaits_of(tries.library.primitives)
+        with bars("rolls") as bar:
+            known = fitted_prior(model, found, tries.seen, gaits, MEMBERS, bar("odds of every gait"))
+        how = f"an ensemble fitted to, and gait by gait, {source}"
+
+        def prior(gait: Any) -> float:
+            return known[roll_of(gait)]
+
+    path.write_text(odds_text(learned_odds(tries.library, prior, tries.counts, asked.weight, how)), encoding="utf-8")
+
+
+def document_of(tries: Tries, found: Fit | None) -> dict[str, Any]:
+    """For scripts."""
+    document: dict[str, Any] = {
+        "sessions": list(tries.sources),
+        "robot": tries.robot,
+        "virtual": tries.virtual,
+        "trials": len(tries.seen),
+        "successes": sum(one.won for one in tries.seen),
+    }
+    if found is not None:
+        document["effective_sizes"] = list(found.effective_sizes)
+        document["estimates"] = [one._asdict() for one in _estimates(found)]
+    return document
+
+
+def _estimates(found: Fit) -> list[Any]:
+    return estimates(found.parameters, found.weights, LABELS, half_ranges(found.prior))
+
+
+def text_of(tries: Tries, found: Fit | None) -> str:
+    """For people."""
+    kind = "virtual trials" if tries.virtual else "trials"
+    won = sum(one.won for one in tries.seen)
+    lines = [f"{len(tries.seen)} {kind} of {tries.robot} ({', '.join(tries.sources)}): {won} succeeded"]
+    if found is not None:
+        lines += ["", f"{'':<22} {'mean':>7}  {'90 % interval':<18} width over the prior's"]
+        lines += [
+            f"{one.label:<22} {one.mean:7.3f}  [{one.low:7.3f}, {one.high:7.3f}] {one.told:6.2f}" for one in _estimates(found)
+        ]
+        sizes = ", ".join(f"{size:.1f}" for size in found.effective_sizes)
+        lines += ["", f"prior: {found.prior.words}", f"{len(found.members)} members; effective size after each round: {sizes}"]
+        if found.effective_size < FEW:
+            lines.append(f"The effective size is below {FEW:g}: intervals are too narrow; give more --members")
+        if not all(one.placed for one in tries.seen):
+            lines.append("In which direction the robot stood is not known: of the slope only the steepness can be told.")
+    if tries.virtual:
+        lines.append(VIRTUAL)
+    return "\n".join(lines)
+
+
+def demonstrated(model: Model, asked: Asked, robots: int, primitives: int, library: str, path: Path) -> str:
+    """Demonstrate on hidden virtual robots; write the page, which is returned. Raises OSError."""
+    compile_first(Stage.BATCH)
+    setting = Setting(
+        robots,
+        primitives=primitives,
+        members=asked.members,
+        rounds=asked.rounds,
+        seed=asked.seed,
+        lapse=asked.lapse,
+        prior=asked.prior,
+    )
+    with bars("rolls") as bar:
+        shown = demonstrate(model, load_library(library), setting, bar)
+    text = page_of(shown, model.hash)
+    path.write_text(text, encoding="utf-8")
+    return text
