@@ -123,6 +123,7 @@ def test_the_bag_is_read_by_readers_that_are_not_ours(interrupted, how):
         "bridge/state",
         "bridge/joint_states",
         "bridge/observed_joints",
+        "rehearsal",
         "diagnostics",
         "twin/state",
         "twin/face",

@@ -65,12 +65,13 @@ def test_a_command_is_refused_whole(model, names, lengths, why):
 def test_a_robot_rests_when_it_has_been_slow_for_the_hold_time_and_nothing_drives(model):
     alone, watch = StandAlone(model, "TC6", time_scale=1.0), RestWatch()
     robot = alone.robot
+    most_of_hold = round(0.75 * model.prototype.rest_hold_s * model.steps_per_second)
     assert not watch.at_rest(robot, robot.step)
-    robot.advance(300)
+    robot.advance(most_of_hold)
     assert not watch.at_rest(robot, robot.step)
-    robot.advance(300)
+    robot.advance(most_of_hold)
     assert watch.at_rest(robot, robot.step)
     alone.command(STRUT_NAMES, [0.229, *NEUTRAL[1:]])
     assert not watch.at_rest(robot, robot.step)
-    robot.advance(300)
+    robot.advance(most_of_hold)
     assert not watch.at_rest(robot, robot.step)
