@@ -129,8 +129,8 @@ def test_a_slack_cable_carries_nothing(prototype):
 def test_a_free_body_keeps_momentum_angular_momentum_and_energy(prototype):
     tumbling = build_model(
         replace(
-            prototype, mass_damping_ratio=0.0, gravity_m_s2=0.0,
-            box_inertia_kg_m2=(1.0e-4, 1.4e-4, 2.0e-4), joint_inertia_kg_m2=(1.5e-5, 1.8e-5, 2.4e-5),
+            prototype, mass_damping_ratio=0.0, gravity_m_s2=0.0, steps_per_second=2000,
+            box_inertia_kg_m2=(1.0e-4, 1.4e-4, 2.0e-4), joint_inertia_kg_m2=(2.4e-5, 2.9e-5, 3.8e-5),
         )
     )  # fmt: skip
     robot = raised(tumbling)

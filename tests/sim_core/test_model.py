@@ -36,7 +36,7 @@ def test_a_bad_model_dies_at_construction_with_the_offending_value(prototype, fi
 
 
 def test_an_unstable_step_is_refused_naming_both_numbers(prototype):
-    with pytest.raises(UnstableStepError, match=r"time step 1\.000e-03 s is not stable.*limit is 5\.8\d*e-04 s.*>= 17\d\d"):
+    with pytest.raises(UnstableStepError, match=r"time step 1\.000e-03 s is not stable.*limit is 7\.3\d*e-04 s.*>= 14\d\d"):
         build_model(replace(prototype, steps_per_second=1000))
 
 
