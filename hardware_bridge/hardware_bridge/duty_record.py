@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import logging
 import os
-import re
 import time
 from collections.abc import Mapping
 from pathlib import Path
@@ -13,6 +12,7 @@ from pathlib import Path
 from hardware_bridge.calibration import STRUTS
 from hardware_bridge.duty import Duty
 from hardware_bridge.errors import StateFileError
+from hardware_bridge.last_pulses import record_path
 from hardware_bridge.limits import Limits
 
 _log = logging.getLogger(__name__)
@@ -31,8 +31,7 @@ class DutyRecord:
     """
 
     def __init__(self, directory: Path, port: str, robot: str = "") -> None:
-        slug = re.sub(r"[^A-Za-z0-9._-]+", "-", port).strip("-")
-        self.path = directory / f"duty-{slug}.json"
+        self.path = record_path(directory, "duty", port)
         self.robot = robot
         self._saved = Duty()
         self._saved_s = -float("inf")

@@ -22,6 +22,12 @@ def state_directory() -> Path:
     return Path(configured) if configured else Path.home() / ".local" / "state" / "sixstrut"
 
 
+def record_path(directory: Path, what: str, port: str) -> Path:
+    """Where the record of something about the robot behind a port is kept."""
+    slug = re.sub(r"[^A-Za-z0-9._-]+", "-", port).strip("-")
+    return directory / f"{what}-{slug}.json"
+
+
 class LastPulses:
     """Pulses by channel, for one robot.
 
@@ -32,8 +38,7 @@ class LastPulses:
     """
 
     def __init__(self, directory: Path, port: str, robot: str = "") -> None:
-        slug = re.sub(r"[^A-Za-z0-9._-]+", "-", port).strip("-")
-        self.path = directory / f"last_pulses-{slug}.json"
+        self.path = record_path(directory, "last_pulses", port)
         self.robot = robot
         self._saved: dict[str, int] | None = None
 

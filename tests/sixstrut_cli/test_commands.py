@@ -121,6 +121,13 @@ def test_a_robustness_study_writes_json_tables_and_picture(tmp_path):
     assert len((tmp_path / "csv" / "trials.csv").read_text().splitlines()) == 25
 
 
+def test_commands_accept_the_perturbations_that_the_model_does():
+    from sim_core.perturbation import MAX_SCALE
+    from sixstrut_cli.commands.options import MOST_PERTURBATION
+
+    assert MOST_PERTURBATION == MAX_SCALE
+
+
 def test_help_of_every_command_shows_an_example():
     for entry in entries():
         if entry.module is not None:

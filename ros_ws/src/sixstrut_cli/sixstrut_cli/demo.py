@@ -109,7 +109,9 @@ class _Demo:
 
     def _start(self, stack: Stack) -> None:
         plan = self.plan
-        compile_first(Stage.ROBOT)  # once for all processes, instead of each for itself
+        compile_first(
+            Stage.ROBOT, Stage.BATCH
+        )  # once for all processes, instead of each for itself; the planner rehearses in batches
         link = self.folder / "prototype"
         stack.start(
             "virtual_prototype",

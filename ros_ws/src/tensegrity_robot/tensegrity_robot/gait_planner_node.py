@@ -31,6 +31,7 @@ from sim_core.policy import lengths_of, neutral_lengths
 from sim_core.rehearsal import SEED
 from sim_core.structure import require_adjacent
 from sim_core.uncertainty import MAX_INCLINE_DEG, Law
+from sim_core.warm_up import Stage, is_warm
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot import qos
@@ -155,6 +156,8 @@ class GaitPlannerNode(Node):
         )
         serve_face_graph(self, self._graph)
         self.create_timer(TICK_S, self._tick, clock=self._steady)
+        if self._rehearser is not None and not is_warm([Stage.BATCH]):
+            self.get_logger().info("compiling the solver for rehearsal, once for these sources: a first roll waits for it")
         names = ", ".join(primitive.name for primitive in self._library.primitives)
         self.get_logger().info(f"library {self._library.name} ({self._library.hash}): {names}")
 

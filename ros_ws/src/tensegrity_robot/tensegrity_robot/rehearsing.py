@@ -14,6 +14,7 @@ from sim_core.parameters import Prototype
 from sim_core.rehearsal import Ensemble, Rehearsed
 from sim_core.structure import NEIGHBOURS
 from sim_core.uncertainty import Law
+from sim_core.warm_up import Stage, is_warm, warm_up
 from tensegrity_interfaces.msg import Rehearsal, RehearsedGait
 
 
@@ -44,7 +45,7 @@ class Rehearser:
         """Args: members: robots of the ensemble. seed: draws them. Begins to build them; raises nothing."""
         self.law = law
         self._worker = ThreadPoolExecutor(1, thread_name_prefix="rehearsal")
-        self._ensemble = self._worker.submit(lambda: Ensemble(build_model(prototype), law, members, seed))
+        self._ensemble = self._worker.submit(_built, prototype, law, members, seed)
 
     def prepare(self, face: str) -> None:
         """Settle the ensemble on a face, so that a rehearsal from there is quick."""
@@ -66,6 +67,12 @@ class Rehearser:
         ensemble = self._ensemble.result()
         began = time.perf_counter()
         return Rehearsing(tuple(ensemble.rehearse(gaits)), time.perf_counter() - began)
+
+
+def _built(prototype: Prototype, law: Law, members: int, seed: int) -> Ensemble:
+    if not is_warm([Stage.BATCH]):
+        warm_up([Stage.BATCH])  # leaves word that it is compiled, for the next process
+    return Ensemble(build_model(prototype), law, members, seed)
 
 
 def rehearsal_message(found: Rehearsing, law: Law) -> Rehearsal:

@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from sixstrut_cli.commands.options import MOST_PERTURBATION
+
 
 def command(
     output: Annotated[
@@ -21,7 +23,7 @@ def command(
     gaits: Annotated[str, typer.Option(help="all (24), proper, improper, reference, or pairs.")] = "all",
     prototypes: Annotated[int, typer.Option(min=1, help="Virtual prototypes.")] = 4,
     seed: Annotated[int, typer.Option(min=0, help="Of the first prototype; draws orders and the sample, too.")] = 1,
-    perturbation: Annotated[float, typer.Option(min=0.0, max=0.4, help="How far the prototypes are off.")] = 0.1,
+    perturbation: Annotated[float, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the prototypes are off.")] = 0.1,
     sample: Annotated[int, typer.Option(min=0, help="Trials to run through the whole stack as well.")] = 12,
     time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Robot seconds per second, of the stack.")] = 8.0,
     page: Annotated[

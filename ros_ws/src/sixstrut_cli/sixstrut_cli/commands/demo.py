@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.commands.options import LibraryOption
+from sixstrut_cli.commands.options import MOST_PERTURBATION, LibraryOption
 
 
 def command(
@@ -17,7 +17,9 @@ def command(
     real_time: Annotated[
         bool, typer.Option("--real-time/--fast", help="Robot seconds as wall seconds, or eight times faster.")
     ] = False,
-    perturbation: Annotated[float, typer.Option(min=0.0, max=0.3, help="How far the prototype is off, 0.05 for ±5 %.")] = 0.05,
+    perturbation: Annotated[
+        float, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the prototype is off, 0.05 for ±5 %.")
+    ] = 0.05,
     board: Annotated[str, typer.Option(help="Servo board to emulate: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
     actuators: Annotated[str, typer.Option(help="The prototype's actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
     library: LibraryOption = "robust",

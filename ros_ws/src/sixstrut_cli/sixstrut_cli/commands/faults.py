@@ -40,7 +40,7 @@ def command(
     from sixstrut_cli.faults.page import as_markdown, without_folders
     from sixstrut_cli.faults.running import run
 
-    compile_first(Stage.ROBOT)
+    compile_first(Stage.ROBOT, Stage.BATCH)
     console = Console(stderr=True)
     outcomes = []
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())

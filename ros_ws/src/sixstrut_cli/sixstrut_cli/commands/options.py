@@ -7,6 +7,9 @@ from typing import Annotated
 
 import typer
 
+MOST_PERTURBATION = 0.3
+"""`sim_core.perturbation.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
+
 PrototypeOption = Annotated[
     Path | None, typer.Option("--prototype", help="A prototype YAML; default: the nominal robot.", show_default=False)
 ]

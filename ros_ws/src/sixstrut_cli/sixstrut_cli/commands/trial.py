@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from sixstrut_cli.commands.options import MOST_PERTURBATION
+
 
 def command(
     session: Annotated[
@@ -27,7 +29,7 @@ def command(
     board: Annotated[str, typer.Option(help="Servo board: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
     baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
     perturbation: Annotated[
-        float | None, typer.Option(min=0.0, max=0.4, help="How far the virtual prototype is off. [default: 0.05]")
+        float | None, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the virtual prototype is off. [default: 0.05]")
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Which virtual prototype. [default: 1]")] = None,
     actuators: Annotated[

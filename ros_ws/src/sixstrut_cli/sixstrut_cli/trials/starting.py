@@ -200,7 +200,7 @@ class _Run:
         if not self._forecast.trials:
             return self._end(0)
         os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
-        compile_first(Stage.ROBOT)
+        compile_first(Stage.ROBOT, Stage.BATCH)
         hardware = Hardware(asked.port, asked.board, asked.baud, asked.calibration, asked.time_scale, self._automatic)
         lab = Lab(folder, hardware, lock)
         kind = "virtual trials" if folder.settings.virtual_robot else "trials"
