@@ -205,7 +205,7 @@ class GaitPlannerNode(Node):
         self._events.add(message.seq, message.robot_time_ns)
         if message.source in (FaceObservation.SOURCE_PROTOTYPE, FaceObservation.SOURCE_EXTERNAL):
             self._observer = True
-        if self._rehearser is not None and message.settled and message.face:
+        if self._rehearser is not None and self._roll is None and message.settled and message.face:  # not beside a motion
             self._rehearser.prepare(message.face)
         self._look()
 
