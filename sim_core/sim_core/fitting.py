@@ -28,6 +28,8 @@ MEMBERS = 128
 """Drawn from the prior."""
 ENOUGH = 0.25
 """Another round is drawn while the effective size is below this share of MEMBERS, or of what was asked for instead."""
+LEAST = 10.0
+"""The lapse rate is softened until the effective size is at least this, or as large as ENOUGH asks: fewer tell little."""
 ROUNDS = 2
 """At most so many rounds after the first."""
 TOGETHER = 768
@@ -108,13 +110,15 @@ class Fit:
 
     Attributes:
         members, weights: (members,), of all rounds. wins: (members, trials) what each does in the trials seen.
-        effective_sizes: after each round. prior, seed, lapse: as asked for.
+        effective_sizes: after each round. lapses: by which the weights were made after each round (`posterior.softened`).
+        prior, seed, lapse: as asked for.
     """
 
     members: tuple[Member, ...]
     weights: Array
     wins: NDArray[np.bool_]
     effective_sizes: tuple[float, ...]
+    lapses: tuple[float, ...]
     prior: Prior
     seed: int
     lapse: float
@@ -172,11 +176,14 @@ def fit(
     wins = wins_of(nominal, members, rolls, report) if first_wins is None else first_wins
     kernels: list[tuple[bayes.Kernel, int]] = []
     sizes: list[float] = []
+    lapses: list[float] = []
     while True:
-        weights = bayes.normalised(bayes.log_weights_of(bayes.log_likelihood(wins, observed, lapse), z, count, kernels))
+        base = bayes.log_weights_of(np.zeros(len(z)), z, count, kernels)
+        lapses.append(bayes.softened(wins, observed, lapse, base, min(LEAST, ENOUGH * count)))
+        weights = bayes.normalised(bayes.log_likelihood(wins, observed, lapses[-1]) + base)
         sizes.append(bayes.effective_size(weights))
-        if sizes[-1] >= ENOUGH * count or len(kernels) >= rounds:
-            return Fit(members, weights, wins, tuple(sizes), prior, seed, lapse)
+        if (lapses[-1] == lapse and sizes[-1] >= ENOUGH * count) or len(kernels) >= rounds:
+            return Fit(members, weights, wins, tuple(sizes), tuple(lapses), prior, seed, lapse)
         kernel = bayes.kernel_around(z, weights)
         more = bayes.drawn_from(kernel, count, np.random.default_rng([seed, ROUND_STREAM, len(kernels)]))
         new = tuple(prior.member(row, seed, len(members) + number) for number, row in enumerate(more))

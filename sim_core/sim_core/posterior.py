@@ -5,6 +5,9 @@ trials that it foretells: approximate Bayesian computation with a lapse rate as 
 
     p(y | member) = ε + (1 − 2 ε) [win = y],    w ∝ Π_t p(y_t | member) / Σ_r (n_r / n) q_r(z) / φ(z)
 
+As in all such computation, the tolerance adapts (Del Moral et al. 2012): with few members hardly one foretells all trials, and
+weights by the true lapse rate would rest on one or two. Then ε is the smallest that leaves enough members with a say.
+
 Rounds after the first draw from mixtures of normals around the heavy members (population Monte Carlo: Cappé et al. 2004); all
 rounds count, weighted as draws from one mixture (the balance heuristic: Veach and Guibas 1995; Cornuet et al. 2012). The prior,
 the first round, is part of that mixture, so no weight explodes. What a member is besides z (the errors of its single ropes and
@@ -31,6 +34,9 @@ SHRINK = 0.9
 """Kernels' centres are drawn towards the mean by this (Liu and West 2001), which keeps the mixture's spread that of the weights."""
 FLOOR = 1e-3
 """Added to a kernel's variances, in units of the prior's: one heavy member alone still gives a kernel with a width."""
+
+
+BISECTIONS = 20
 
 
 class Kernel(NamedTuple):
@@ -71,6 +77,27 @@ def normalised(log_weights: Array) -> Array:
         raise SimError("an ensemble without members has no weights: draw at least one")
     weights: Array = np.exp(log_weights - logsumexp(log_weights))
     return weights / weights.sum()
+
+
+def softened(wins: NDArray[np.bool_], observed: NDArray[np.bool_], lapse: float, log_base: Array, least: float) -> float:
+    """The smallest lapse rate, from `lapse` up to a coin's, whose weights have an effective size of at least `least`.
+
+    Args:
+        wins, observed, lapse: as in `log_likelihood`. log_base: (members,) logarithm of the weights without the trials.
+
+    Returns: `lapse` itself if it will do; nearly ½ if none will.
+    """
+
+    def size(rate: float) -> float:
+        return effective_size(normalised(log_likelihood(wins, observed, rate) + log_base))
+
+    if size(lapse) >= least:
+        return lapse
+    low, high = lapse, 0.5 - 1e-6
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if size(middle) >= least else (middle, high)
+    return high
 
 
 def effective_size(weights: Array) -> float:

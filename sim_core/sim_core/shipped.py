@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from sim_core.elements import PREVIOUS
-from sim_core.search import SearchPlan, Training
+from sim_core.ensemble_file import Posterior
+from sim_core.search import SearchPlan
+from sim_core.training import FittedTraining, Training
 from sim_core.uncertainty import Law
 
 LEVEL = Law(0.2)
@@ -27,3 +31,14 @@ PLANS = {
         ),
     )
 }
+
+FITTED_ROBOTS, FITTED_SEED = 32, 13_001
+FITTED_CHOICE, FITTED_CHOICE_SEED = 128, 14_001
+"""Drawn from a fitted ensemble, about as many as the plan `robust` has."""
+
+
+def fitted_to(posterior: Posterior) -> SearchPlan:
+    """The plan `robust`, trained on robots fitted to trials instead."""
+    training = FittedTraining(posterior, FITTED_ROBOTS, FITTED_SEED)
+    choice = FittedTraining(posterior, FITTED_CHOICE, FITTED_CHOICE_SEED)
+    return replace(PLANS["robust"], training=(training,), choice=(choice,))

@@ -78,7 +78,8 @@ def test_the_same_seed_gives_the_same_ensemble_and_another_another(model, fitted
 def test_a_second_round_is_drawn_where_few_members_carry_the_weight(fitted):
     found, _ = fitted
     assert len(found.members) == 32 * len(found.effective_sizes)
-    assert (found.effective_sizes[0] < 8.0) == (len(found.effective_sizes) == 2)
+    needed = found.effective_sizes[0] < 8.0 or found.lapses[0] > found.lapse
+    assert needed == (len(found.effective_sizes) == 2)
 
 
 def test_a_trial_is_won_by_the_faces_alone(model, rolls):

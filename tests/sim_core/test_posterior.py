@@ -33,6 +33,20 @@ def test_one_odd_trial_does_not_kill_a_member():
     assert bayes.normalised(bayes.log_likelihood(wins, observed))[0] > 0.999
 
 
+def test_a_lapse_rate_is_softened_no_further_than_needed():
+    rng = np.random.default_rng(6)
+    wins, observed, base = rng.random((64, 20)) < 0.5, np.array([True] * 20), np.zeros(64)
+
+    def size(lapse):
+        return bayes.effective_size(bayes.normalised(bayes.log_likelihood(wins, observed, lapse)))
+
+    assert size(0.03) < 8.0, "the case is to need it"
+    lapse = bayes.softened(wins, observed, 0.03, base, 8.0)
+    assert size(lapse) == pytest.approx(8.0, abs=0.01)
+    assert bayes.softened(wins, observed, lapse + 0.01, base, 8.0) == lapse + 0.01, "enough already: left alone"
+    assert bayes.softened(wins, observed, 0.03, np.array([50.0] + [0.0] * 63), 8.0) == pytest.approx(0.5, abs=1e-5)
+
+
 def test_later_rounds_are_weighted_as_draws_from_the_prior_would_be():
     """A normal likelihood under a normal prior: posterior mean and variance in closed form, whatever the rounds were drawn from."""
     rng, count = np.random.default_rng(3), 600

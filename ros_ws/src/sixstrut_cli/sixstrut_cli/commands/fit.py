@@ -39,7 +39,8 @@ def command(
         bool, typer.Option("--demonstrate", help="Instead: fit hidden virtual robots, and test what was learnt.")
     ] = False,
     robots: Annotated[int, typer.Option(min=1, help="Of a demonstration.")] = 3,
-    primitives: Annotated[int, typer.Option(min=1, help="Of each class, of a demonstration.")] = 3,
+    primitives: Annotated[int, typer.Option(min=1, help="Of each class, of a demonstration.")] = 4,
+    searched: Annotated[int, typer.Option(min=0, help="Of a demonstration: robots for which a library is searched.")] = 1,
     page: Annotated[Path | None, typer.Option(help="Of a demonstration; default: docs/learning.md.", show_default=False)] = None,
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
@@ -61,7 +62,7 @@ def command(
     asked = running.Asked(members, rounds, seed, lapse, running.prior_of(prior), weight)
     if demonstrate:
         target = page or Path(os.environ.get("SIXSTRUT_ROOT", ".")) / "docs" / "learning.md"
-        typer.echo(running.demonstrated(model, asked, robots, primitives, library or "improved", target))
+        typer.echo(running.demonstrated(model, asked, robots, primitives, searched, library or "improved", target))
         typer.echo(f"wrote {target}")
         return
     if not trials:

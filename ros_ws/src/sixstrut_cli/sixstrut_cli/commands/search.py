@@ -14,12 +14,9 @@ import typer
 from sixstrut_cli.commands.options import JsonOption, PrototypeOption
 
 if TYPE_CHECKING:
+    from sim_core.ensemble_file import Posterior
     from sim_core.parameters import Prototype
     from sim_core.search import Search
-
-TRAINING_ROBOTS, TRAINING_SEED = 32, 13_001
-CHOICE_ROBOTS, CHOICE_SEED = 128, 14_001
-"""Drawn from a fitted ensemble; as many as the plan `robust` has."""
 
 
 class Name(StrEnum):
@@ -69,7 +66,7 @@ def command(
     from sim_core.library import library_text
     from sim_core.parameters import load_prototype
     from sim_core.search import Search
-    from sim_core.shipped import PLANS
+    from sim_core.shipped import PLANS, fitted_to
     from sim_core.warm_up import Stage
     from sixstrut_cli.compiling import compile_first
     from sixstrut_cli.farm import runner_of
@@ -84,11 +81,12 @@ def command(
     if output is not None:
         changes["name"] = path.stem
     robot = load_prototype(prototype)
+    plan = PLANS[plan_name.value]
     if ensemble is not None:
         if plan_name is not Name.robust:
             raise typer.BadParameter("only the plan robust trains on robots", param_hint="--ensemble")
-        changes |= _trained_on(ensemble, robot)
-    plan = replace(PLANS[plan_name.value], **changes)
+        plan = fitted_to(_posterior_of(ensemble, robot))
+    plan = replace(plan, **changes)
     path.parent.mkdir(parents=True, exist_ok=True)
     if scheduler is None:
         compile_first(Stage.BATCH)
@@ -125,18 +123,14 @@ def command(
     )
 
 
-def _trained_on(path: Path, prototype: Prototype) -> dict[str, Any]:
-    """Training and choice on a fitted ensemble. Raises EnsembleError."""
+def _posterior_of(path: Path, prototype: Prototype) -> Posterior:
+    """A fitted ensemble of this robot. Raises EnsembleError."""
     from sim_core.ensemble_file import load_posterior
     from sim_core.model import build_model
-    from sim_core.training import FittedTraining
 
     posterior = load_posterior(path)
     posterior.require(build_model(prototype))
-    return {
-        "training": (FittedTraining(posterior, TRAINING_ROBOTS, TRAINING_SEED),),
-        "choice": (FittedTraining(posterior, CHOICE_ROBOTS, CHOICE_SEED),),
-    }
+    return posterior
 
 
 def _read(path: Path) -> Mapping[str, Any] | None:

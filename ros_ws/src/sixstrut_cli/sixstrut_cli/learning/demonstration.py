@@ -4,21 +4,25 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_core.batch import Batch, Job
 from sim_core.chunks import Report
+from sim_core.ensemble_file import Posterior
 from sim_core.fitting import Estimate, Fit, Seen, estimates, fit, prior_members, stood_on_target, wins_of
 from sim_core.learned_odds import WEIGHT
-from sim_core.library import Gait, Library
+from sim_core.library import Gait, Library, load_library
 from sim_core.members import LABELS, Member, Prior
 from sim_core.model import Model
 from sim_core.posterior import LAPSE, beta_mean, log_score, predictive
+from sim_core.rates import Rate, rate_of
 from sim_core.rehearsal import MEMBERS as DEFAULT_MEMBERS
 from sim_core.rehearsal import SEED as DEFAULT_SEED
+from sim_core.search import Search
+from sim_core.shipped import fitted_to
 from sim_core.uncertainty import Law, sample
 from sixstrut_cli.learning.odds_of import fitted_prior, gaits_of, roll_of
 
@@ -27,17 +31,26 @@ LOW_FRICTION = (0.4, 0.7)
 """Range of the hidden friction factors."""
 HIDDEN_STREAM, TRIALS_STREAM = 32, 33
 DEFAULT_LAW = Law(0.1)
+PREDICTING = 64
+"""Members of a fitted ensemble that roll every gait."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """What is demonstrated: hidden robots, trials of each, primitives of each class; how to fit (`fitting.fit`); a seed."""
+    """What is demonstrated: hidden robots, trials of each, primitives of each class; how to fit (`fitting.fit`); a seed.
+
+    Attributes:
+        searched: for so many of the robots a library is searched on the fitted ensemble.
+        generations: of these searches, at most; None: the plan's.
+    """
 
     robots: int = 3
-    trials: int = 32
-    primitives: int = 3
-    members: int = 64
-    rounds: int = 1
+    trials: int = 64
+    primitives: int = 4
+    members: int = 128
+    rounds: int = 2
+    searched: int = 1
+    generations: int | None = None
     seed: int = 1
     lapse: float = LAPSE
     prior: Prior = field(default_factory=Prior)
@@ -53,6 +66,8 @@ class Case:
         scores: log score of the held-out gaits by the default ensemble, the prior, and the fitted ensemble (nats).
         chosen: rolls, of 48, that succeed when the planner's gait is chosen by the default odds and by the fitted odds; and how
             many have any gait that succeeds.
+        libraries: trials that the shipped library `robust` wins on the hidden robot, and those that a library searched on the
+            fitted ensemble wins; each of the number of its gaits. None: not searched.
     """
 
     hidden: Member
@@ -62,6 +77,7 @@ class Case:
     steepness: float
     scores: tuple[float, float, float]
     chosen: tuple[int, int, int]
+    libraries: tuple[Rate, Rate] | None
 
 
 @dataclass(frozen=True)
@@ -101,7 +117,10 @@ def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[
     cases = []
     for number, robot in enumerate(hidden):
         tried = np.random.default_rng([setting.seed, number, TRIALS_STREAM]).permutation(len(gaits))[: setting.trials]
-        cases.append(_case(model, setting, gaits, robot, truth[number], tried, first, default, bar(f"robot {number + 1}")))
+        case = _case(model, setting, gaits, robot, truth[number], tried, first, default, bar(f"robot {number + 1}"))
+        if number < setting.searched:
+            case = replace(case, libraries=_libraries(model, setting, case, bar(f"library for robot {number + 1}")))
+        cases.append(case)
     return Demonstration(setting, library, len(gaits), len(gaits) - setting.trials, tuple(cases))
 
 
@@ -135,7 +154,7 @@ def _case(
         report=report,
         first_wins=first[:, tried],
     )
-    prior_odds = fitted_prior(model, found, seen, gaits, DEFAULT_MEMBERS, report)
+    prior_odds = fitted_prior(model, found, seen, gaits, PREDICTING, report)
     fitted = np.array([prior_odds[roll_of(gait)] for gait in gaits])
     others = np.setdiff1d(np.arange(len(gaits)), tried)
     flat = predictive(first, np.full(len(first), 1.0 / len(first)), setting.lapse)
@@ -150,7 +169,22 @@ def _case(
     steepness = float(found.weights @ [member.steepness_deg for member in found.members])
     possible = sum(bool(truth[own].any()) for own in pairs.values())
     won = int(truth[tried].sum())
-    return Case(hidden, found, tuple(told), won, steepness, (scores[0], scores[1], scores[2]), (best[0], best[1], possible))
+    return Case(hidden, found, tuple(told), won, steepness, (scores[0], scores[1], scores[2]), (best[0], best[1], possible), None)
+
+
+def _libraries(model: Model, setting: Setting, case: Case, report: Report) -> tuple[Rate, Rate]:
+    """What the shipped `robust`, and a library searched on the fitted ensemble, win on the hidden robot."""
+    posterior = Posterior(model.hash, {"demonstration": setting.seed}, setting.prior.noise, case.found.members, case.found.weights)
+    plan = fitted_to(posterior)
+    search = Search(model.prototype, replace(plan, generations=setting.generations or plan.generations))
+    while not search.done:
+        search.step()
+        report(round(1000 * search.progress.finished), 1000)
+    rates = []
+    for library in (load_library("robust"), search.library()):
+        won = wins_of(model, [case.hidden], [(roll_of(gait), True) for gait in gaits_of(library.primitives)])
+        rates.append(rate_of(int(won.sum()), won.size))
+    return rates[0], rates[1]
 
 
 def half_ranges(prior: Prior) -> list[float]:

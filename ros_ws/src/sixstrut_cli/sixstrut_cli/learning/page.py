@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
+from sim_core.fitting import LEAST
 from sim_core.learned_odds import WEIGHT
 from sim_core.rehearsal import MEMBERS as DEFAULT_MEMBERS
-from sixstrut_cli.learning.demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Demonstration
+from sixstrut_cli.learning.demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Case, Demonstration
 
 INTRODUCTION = """\
 # Learning from trials
@@ -28,13 +31,14 @@ def page_of(shown: Demonstration, model_hash: str) -> str:
     s, cases = shown.setting, shown.cases
     low, high = (100 * value for value in LOW_FRICTION)
     fits = [
-        "| robot | trials won | friction: hidden; fitted, 90 % | tilt: fitted mean | effective size after each round |",
+        "| robot | trials won | friction: hidden; fitted, 90 % | tilt: fitted mean | effective size, lapse rate of each round |",
         "|--:|--:|---|--:|---|",
     ]
     scores = ["| robot | default ensemble | prior ensemble | fitted ensemble |", "|--:|--:|--:|--:|"]
     picks = ["| robot | default odds | fitted odds | any gait works |", "|--:|--:|--:|--:|"]
     for number, case in enumerate(cases, start=1):
-        f, sizes = case.estimates[0], ", ".join(f"{size:.1f}" for size in case.found.effective_sizes)
+        f, found = case.estimates[0], case.found
+        sizes = ", ".join(f"{size:.0f} at {rate:.2f}" for size, rate in zip(found.effective_sizes, found.lapses, strict=True))
         friction = f"{case.hidden.friction:.2f}; {f.mean:.2f} [{f.low:.2f}, {f.high:.2f}]"
         fits.append(f"| {number} | {case.won} of {s.trials} | {friction} | {case.steepness:.1f}° | {sizes} |")
         scores.append(f"| {number} | " + " | ".join(f"{score:.3f}" for score in case.scores) + " |")
@@ -49,8 +53,8 @@ def page_of(shown: Demonstration, model_hash: str) -> str:
         f"class; seed {s.seed}. Each hidden robot stands on a floor that is tilted by {TILT_DEG:g} degrees in a direction of its",
         f"own, with {low:g} to {high:g} % of the drawing's friction. Of its {shown.gaits} gaits {s.trials} are tried, drawn by the",
         f"seed, and {shown.held_out} are held out. The fit does not know the robot, but a prior ({s.prior.words}).",
-        f"It draws {s.members} members in each of up to {s.rounds + 1} rounds; lapse rate {s.lapse:g}. The default ensemble is",
-        f"that of `rehearse`: {DEFAULT_MEMBERS} robots, {DEFAULT_LAW.words}.",
+        f"It draws {s.members} members in each of up to {s.rounds + 1} rounds; lapse rate {s.lapse:g}, raised until the effective",
+        f"size is {LEAST:g}. The default ensemble is that of `rehearse`: {DEFAULT_MEMBERS} robots, {DEFAULT_LAW.words}.",
         "",
         "## What the fits say",
         "",
@@ -68,5 +72,27 @@ def page_of(shown: Demonstration, model_hash: str) -> str:
         f"its own trial, against a prior worth {WEIGHT:g} trials.",
         "",
         *picks,
+        *_searched(cases),
     ]
     return "\n".join(lines) + "\n"
+
+
+def _searched(cases: Sequence[Case]) -> list[str]:
+    rows = []
+    for number, case in enumerate(cases, start=1):
+        if case.libraries is not None:
+            shown = [f"{rate.successes} of {rate.trials}, {100 * rate.value:.1f} %" for rate in case.libraries]
+            rows.append(f"| {number} | {shown[0]} | {shown[1]} |")
+    if not rows:
+        return []
+    return [
+        "",
+        "## A library for this robot",
+        "",
+        "The search that makes `robust`, on robots drawn from the fitted ensemble instead (`./sixstrut search robust --ensemble`).",
+        "All gaits of both libraries are then tried on the hidden robot:",
+        "",
+        "| robot | shipped `robust` | searched on the fitted ensemble |",
+        "|--:|--:|--:|",
+        *rows,
+    ]

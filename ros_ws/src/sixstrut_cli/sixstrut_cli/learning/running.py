@@ -8,7 +8,7 @@ from typing import Any
 
 from sim_core.ensemble_file import Posterior, posterior_text
 from sim_core.errors import ParameterError
-from sim_core.fitting import Fit, estimates, fit
+from sim_core.fitting import LEAST, Fit, estimates, fit
 from sim_core.learned_odds import learned_odds
 from sim_core.library import load_library
 from sim_core.members import LABELS, Prior
@@ -23,8 +23,6 @@ from sixstrut_cli.learning.odds_of import fitted_prior, gaits_of, roll_of, shipp
 from sixstrut_cli.learning.page import page_of
 from sixstrut_cli.learning.trials_of import Tries
 
-FEW = 10.0
-"""Effective sizes below this are too small to be trusted."""
 VIRTUAL = "These are virtual trials: the robot shares the model's equations, so this says nothing of a real one."
 
 
@@ -76,6 +74,7 @@ def write_ensemble(path: Path, model: Model, tries: Tries, found: Fit) -> None:
         "prior": found.prior.plain,
         "fit_seed": found.seed,
         "lapse": found.lapse,
+        "lapses": [round(lapse, 4) for lapse in found.lapses],
         "effective_sizes": [round(size, 2) for size in found.effective_sizes],
     }
     posterior = Posterior(model.hash, provenance, found.prior.noise, found.members, found.weights)
@@ -111,6 +110,7 @@ def document_of(tries: Tries, found: Fit | None) -> dict[str, Any]:
     }
     if found is not None:
         document["effective_sizes"] = list(found.effective_sizes)
+        document["lapses"] = list(found.lapses)
         document["estimates"] = [one._asdict() for one in _estimates(found)]
     return document
 
@@ -131,8 +131,13 @@ def text_of(tries: Tries, found: Fit | None) -> str:
         ]
         sizes = ", ".join(f"{size:.1f}" for size in found.effective_sizes)
         lines += ["", f"prior: {found.prior.words}", f"{len(found.members)} members; effective size after each round: {sizes}"]
-        if found.effective_size < FEW:
-            lines.append(f"The effective size is below {FEW:g}: intervals are too narrow; give more --members")
+        if found.lapses[-1] > found.lapse:
+            lines.append(
+                f"Too few members foretell all trials: weighed with a lapse rate of {found.lapses[-1]:.2f}, not {found.lapse:g}, "
+                "so less is learnt than the trials could tell; more --members or --rounds sharpen it"
+            )
+        if found.effective_size < LEAST:
+            lines.append(f"The effective size is below {LEAST:g}: intervals are too narrow; give more --members")
         if not all(one.placed for one in tries.seen):
             lines.append("In which direction the robot stood is not known: of the slope only the steepness can be told.")
     if tries.virtual:
@@ -140,12 +145,13 @@ def text_of(tries: Tries, found: Fit | None) -> str:
     return "\n".join(lines)
 
 
-def demonstrated(model: Model, asked: Asked, robots: int, primitives: int, library: str, path: Path) -> str:
+def demonstrated(model: Model, asked: Asked, robots: int, primitives: int, searched: int, library: str, path: Path) -> str:
     """Demonstrate on hidden virtual robots; write the page, which is returned. Raises OSError."""
     compile_first(Stage.BATCH)
     setting = Setting(
         robots,
         primitives=primitives,
+        searched=searched,
         members=asked.members,
         rounds=asked.rounds,
         seed=asked.seed,
