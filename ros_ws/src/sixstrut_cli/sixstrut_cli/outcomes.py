@@ -8,12 +8,14 @@ from hardware_bridge.bag_reader import Session, seconds_of
 
 
 class Outcome(NamedTuple):
-    """One try: the face before, the policy in mm, the faces seen at rest after actuation and after the return."""
+    """One try: the face before, the policy in mm, the faces seen at rest after actuation and after the return; when it was asked
+    for (s, ROS time)."""
 
     source: str | None
     policy: tuple[int, ...]
     actuated: str | None
     returned: str | None
+    began_s: float = 0.0
 
     def succeeded(self, target: str) -> bool:
         """Whether the robot was seen on the target after actuation and after the return."""
@@ -40,5 +42,5 @@ def outcomes_of(session: Session, mid_stroke_m: float) -> list[Outcome]:
             continue
         returned = moves[number + 1][0] if number + 1 < len(moves) else float("inf")
         ended = moves[number + 2][0] if number + 2 < len(moves) else float("inf")
-        tries.append(Outcome(last_before(began), policy, last_before(returned, began), last_before(ended, returned)))
+        tries.append(Outcome(last_before(began), policy, last_before(returned, began), last_before(ended, returned), began))
     return tries

@@ -22,6 +22,7 @@ _ALL = (
     Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "recheck"),
     Entry("trial", "Run a session of trials, a day long and resumable: primitives × gaits × repeats.", "trial"),
     Entry("report", "Success rates, intervals and tests of sessions, as a page with the paper's Figure 8.", "report"),
+    Entry("odds", "Set the rehearsals' odds in any bags against what then happened: a calibration plot.", "odds"),
     Entry("campaign", "Whole libraries on virtual prototypes, fast, and a sample of it through the whole stack.", "campaign"),
     Entry("fit", "Learn from trials: an ensemble of robots that would have had them, and odds of every gait.", "fit"),
     Entry("replay", "Step the twin through a recorded session and compare.", "replay"),

@@ -15,6 +15,7 @@ from sim_core.symmetry import CARRIERS
 from sixstrut_cli.pictures import draw_lengths, new_figure
 from sixstrut_cli.trials.analysis import Group
 from sixstrut_cli.trials.replayed import PARTED_M, Course
+from sixstrut_cli.trials.statistics import Calibration
 
 BLUE, ORANGE, GREY = "#0072b2", "#e69f00", "#999999"
 LEVELS = (80, 50)
@@ -105,20 +106,19 @@ def _colors() -> Colormap:
     return ListedColormap(shades.tolist()).with_extremes(bad="white")
 
 
-def odds_picture(groups: Sequence[Group], path: Path) -> bool:
-    """Predicted odds against the share that succeeded; False: no trial had odds, there is no picture."""
-    if all(group.calibration is None for group in groups):
+def odds_picture(rows: Sequence[tuple[str, Calibration | None]], path: Path) -> bool:
+    """Predicted odds against the share that succeeded, of up to two (label, calibration); False: none had odds, no picture."""
+    if all(told is None for _, told in rows):
         return False
     figure = new_figure(5.2, 4.6)
     axes = figure.add_subplot()
     axes.plot([0, 100], [0, 100], color="0.6", lw=1, ls="--")
-    for group, color, mark in zip(groups, (BLUE, ORANGE), "os", strict=False):
-        told = group.calibration
+    for (label, told), color, mark in zip(rows, (BLUE, ORANGE), "os", strict=False):
         if told is None:
             continue
         places = [100 * expected for _, _, _, expected, _ in told.bins]
         rates = [_rate_of(share, count) for _, _, count, _, share in told.bins]
-        axes.plot(places, [100 * rate.value for rate in rates], mark, color=color, label=group.label)
+        axes.plot(places, [100 * rate.value for rate in rates], mark, color=color, label=label)
         _intervals(axes, places, rates)
     axes.set_xlim(0, 102)
     axes.set_ylim(0, 102)

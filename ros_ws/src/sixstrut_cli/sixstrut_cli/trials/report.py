@@ -54,7 +54,8 @@ class Report:
         for letter, group in zip("ab", self.groups, strict=False):
             pictures.append(folder / f"gaits_{letter}.png")
             gaits_picture(group, pictures[-1])
-        odds = folder / "odds.png" if odds_picture(self.groups, folder / "odds.png") else None
+        told = [(group.label, group.calibration) for group in self.groups]
+        odds = folder / "odds.png" if odds_picture(told, folder / "odds.png") else None
         title = "Trials: " + " against ".join(group.label for group in self.groups)
         target = folder / "report.html"
         target.write_text(page.page(title, self._parts(folder, pictures, odds)), encoding="utf-8")
