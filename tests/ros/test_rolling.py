@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
+import importlib
 import signal
 
 import pytest
 from action_msgs.msg import GoalStatus
+from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 
 from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, SetFace
+from tests.ros.test_viewers import viewed_topics
 
 pytestmark = pytest.mark.ros
 NEUTRAL = [0.234] * 6
 ARM_CALL = 'ros2 service call /arm tensegrity_interfaces/srv/Arm "{lifted_and_clear: true}"'
+
+
+def message_class(kind):
+    """From "package/msg/Name"."""
+    package, _, name = kind.split("/")
+    return getattr(importlib.import_module(f"{package}.msg"), name)
+
+
+def published(node, kinds):
+    """The topics that somebody publishes; `kinds`: topic -> type, filled."""
+    kinds.update({name: types[0] for name, types in node.get_topic_names_and_types()})
+    return [name for name in kinds if node.count_publishers(name)]
 
 
 @pytest.fixture(scope="module")
@@ -196,6 +211,30 @@ def test_a_face_can_be_told_and_goes_into_the_event_stream(robot):
     wait_until(lambda: "TC1" in twin, 10.0, "the twin on TC1")
     assert robot.call("set_face", SetFace.Request(face="TC6")).success
     wait_until(lambda: "TC6" in twin[twin.index("TC1") :], 10.0, "the twin on TC6")
+
+
+def test_every_topic_that_a_viewer_asks_for_is_published_with_stamp_and_frame(stack, robot):
+    """All topics of the live Foxglove layout and of the RViz view, and what they say of themselves."""
+    wanted = viewed_topics()
+    kinds = {}
+    wait_until(lambda: wanted <= set(published(robot.node, kinds)), 10.0, "every topic of the layouts")
+    heard = {}
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    subscriptions = []
+    for topic in wanted - {"/rehearsal"}:  # published before a roll only
+        profile = latched if topic in ("/bridge/state", "/bridge/face", "/twin/face") else qos_profile_sensor_data
+        subscriptions.append(
+            robot.node.create_subscription(message_class(kinds[topic]), topic, lambda m, t=topic: heard.setdefault(t, m), profile)
+        )
+    wait_until(lambda: len(heard) == len(subscriptions), 20.0, f"a message on each of {sorted(wanted)}")
+    for subscription in subscriptions:
+        robot.node.destroy_subscription(subscription)
+    for topic, message in heard.items():
+        headers = [m.header for m in message.markers] if topic == "/twin/markers" else [message.header]
+        assert headers, topic
+        assert all(header.stamp.sec > 1.7e9 for header in headers), topic
+        if topic.rsplit("/", 1)[1] in ("markers", "pose", "observed_joints"):
+            assert {header.frame_id for header in headers} == {"odom"}, topic
 
 
 def test_a_twin_that_is_started_again_joins_where_the_robot_stands(stack, robot):

@@ -17,6 +17,7 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
         (f"share/{package_name}/launch", sorted(glob("launch/*.launch.py"))),
         (f"share/{package_name}/config", sorted([*glob("config/*.yaml"), *glob("config/*.xml")])),
+        (f"share/{package_name}/foxglove", sorted(glob("foxglove/*"))),
         (f"share/{package_name}/rviz", sorted(glob("rviz/*"))),
     ],
     install_requires=["setuptools"],
