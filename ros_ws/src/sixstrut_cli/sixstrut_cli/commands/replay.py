@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -28,7 +29,11 @@ def command(
         list[str] | None, typer.Option("--set", help="What if: NAME=VALUE of the model, such as mu_s=0.45; may be given often.")
     ] = None,
     picture: Annotated[
-        Path | None, typer.Option(help="Write a PNG of the session, or of one trial, here.", show_default=False)
+        Path | None,
+        typer.Option(
+            help="PNG of the session, or of one trial. [default: BAG_replay.png beside the bag; none with --json or for trials]",
+            show_default=False,
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -152,6 +157,9 @@ def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, 
         result = replay(session, model, drives, report=lambda done, total: bar.update(task, completed=done, total=total))
     same_bits = result.same_states == result.live_states
     same_face = result.recorded is None or result.final == result.recorded
+    if picture is None and not as_json:
+        folder = bag.parent if os.access(bag.parent, os.W_OK) else Path()
+        picture = folder / f"{bag.stem}_replay.png"
     if picture is not None:
         from sixstrut_cli.pictures import session_picture
 
@@ -187,5 +195,5 @@ def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, 
     typer.echo(f"  {end}, recorded: {result.recorded or 'nobody looked'}{'' if same_face else ' — they differ'}")
     typer.echo(f"  final state {result.digest} at step {result.step}, model {result.model_hash}")
     if picture is not None:
-        typer.echo(f"  picture: {picture}")
+        typer.echo(f"  wrote {picture}")
     return same_bits and same_face

@@ -33,7 +33,12 @@ def command(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler; default: this machine's cores.", show_default=False)
     ] = None,
-    picture: Annotated[Path | None, typer.Option(help="PNG to write, like the paper's Figure 8.", show_default=False)] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            help="PNG, like the paper's Figure 8. [default: robustness_LIBRARY.png; none with --json]", show_default=False
+        ),
+    ] = None,
     tables: Annotated[
         Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.", show_default=False)
     ] = None,
@@ -91,6 +96,8 @@ def command(
         write_tables(found, blame, tables)
     if odds is not None:
         odds.write_text(odds_text(odds_of(shelf, found)), encoding="utf-8")
+    if picture is None and not as_json:
+        picture = Path(f"robustness_{shelf.name}.png")
     if picture is not None:
         robustness_picture(found, blame, picture, head_of(shelf, found).splitlines()[0] + f", s = {scale:g}")
     if figures is not None and cost_page is not None:
