@@ -17,10 +17,10 @@ def bars(unit: str) -> Iterator[Reporter]:
     from rich.text import Text
 
     class Speed(ProgressColumn):
-        """Of late."""
+        """On average: a speed of late jumps where work is told in large pieces."""
 
         def render(self, task: Task) -> Text:
-            speed = task.finished_speed or task.speed
+            speed = task.completed / task.elapsed if task.completed and task.elapsed else None
             return Text("" if speed is None else f"{speed:.0f} {unit}/s")
 
     columns = (
