@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import NamedTuple
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -12,11 +12,18 @@ from scipy.sparse.csgraph import dijkstra
 
 from sim_core.errors import LibraryError
 from sim_core.library import Gait, Library
-from sim_core.odds import Odds
 from sim_core.structure import FACES, NEIGHBOURS, require_face
 
 UNTRIED = 0.5
 """Odds of a gait of which nothing is known."""
+
+
+class Believes(Protocol):
+    """Anything that knows the odds of a library's gaits: `odds.Odds`, or what was learnt since."""
+
+    def of(self, gait: Gait) -> float:
+        """Probability that the gait works."""
+        ...
 
 
 class Choice(NamedTuple):
@@ -46,7 +53,7 @@ class FaceGraph:
         library, odds: what it was made of; odds None: a primitive's own success rate in training stands for its 24 gaits.
     """
 
-    def __init__(self, library: Library, odds: Odds | None = None):
+    def __init__(self, library: Library, odds: Believes | None = None):
         self.library, self.odds = library, odds
         self._choices = {
             (source, target): self._ranked(library.gaits(source, target))

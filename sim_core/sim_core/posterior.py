@@ -193,11 +193,11 @@ def log_score(odds: Array, observed: NDArray[np.bool_]) -> float:
     return float(np.log(np.where(observed, odds, 1.0 - odds)).mean())
 
 
-def beta_mean(prior: float, weight: float, wins: int, trials: int) -> float:
+def beta_mean(prior: float, weight: float, wins: float, trials: float) -> float:
     """Mean of a Beta posterior: (prior · weight + wins) / (weight + trials).
 
     Args:
-        prior: mean of the Beta prior. weight: its pseudo-counts, α + β. wins, trials: seen (Bernoulli).
+        prior: mean of the Beta prior. weight: its pseudo-counts, α + β. wins, trials: seen (Bernoulli), or parts of trials.
 
     Raises:
         SimError: a prior outside [0, 1], a weight that is not positive, or more wins than trials.

@@ -242,10 +242,10 @@ def sample_at(model: Model, law: Law, seed: int, indices: Sequence[int]) -> list
     found = [prototype_of(model, law, {name: rows[k] for name, rows in errors.items()}) for k in range(len(indices))]
     if law.incline_deg == 0.0:
         return found
-    return [_inclined(prototype, law.incline_deg, seed, index) for prototype, index in zip(found, indices, strict=True)]
+    return [inclined(prototype, law.incline_deg, seed, index) for prototype, index in zip(found, indices, strict=True)]
 
 
-def _inclined(model: Model, incline_deg: float, seed: int, index: int) -> Model:
+def inclined(model: Model, incline_deg: float, seed: int, index: int = 0) -> Model:
     """On inclined ground. Directions of consecutive prototypes are spread by the golden ratio; the seed turns them all."""
     share = (GOLDEN * (index + 1) + np.random.default_rng([seed, INCLINE_STREAM]).random()) % 1.0
     downhill = 2.0 * math.pi * share

@@ -10,10 +10,22 @@ import yaml
 
 from tensegrity_robot.bridge_parameters import BridgeParameters
 from tensegrity_robot.gait_planner_node import PlannerParameters
+from tensegrity_robot.traveller_node import TravellerParameters
 from tensegrity_robot.twin_node import TwinParameters
 
 CONFIG = Path(__file__).parents[2] / "ros_ws" / "src" / "tensegrity_robot" / "config"
-NODES = {"twin": TwinParameters, "gait_planner": PlannerParameters, "hardware_bridge": BridgeParameters}
+NODES = {
+    "twin": TwinParameters,
+    "gait_planner": PlannerParameters,
+    "traveller": TravellerParameters,
+    "hardware_bridge": BridgeParameters,
+}
+SAYS = {
+    "twin": "stands on TC6",
+    "gait_planner": "library robust",
+    "traveller": "goals on /goal_pose",
+    "hardware_bridge": "virtual_prototype",
+}
 
 
 @pytest.mark.parametrize("node", NODES)
@@ -31,5 +43,5 @@ def test_a_parameter_file_holds_every_parameter_with_its_default(node):
 def test_a_node_starts_with_its_parameter_file(node, processes):
     words = ("--ros-args", "--params-file", str(CONFIG / f"{node}.yaml"))
     process = processes.start(node, *words)
-    process.says({"twin": "stands on TC6", "gait_planner": "library robust", "hardware_bridge": "virtual_prototype"}[node])
+    process.says(SAYS[node])
     assert processes.stop() == {node: 0}

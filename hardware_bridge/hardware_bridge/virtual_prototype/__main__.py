@@ -26,6 +26,9 @@ from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
 from sim_core.actuators import STAND_IN, require_actuators
 from sim_core.errors import SimError
 
+MOST_INCLINE_DEG = 20.0
+"""`sim_core.uncertainty.MAX_INCLINE_DEG`, by value: to import it would load the solver for every `--help`."""
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the prototype; the exit status: 0 after a signal, 1 if it could not start or go on, 2 for bad arguments."""
@@ -69,8 +72,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _body(options: argparse.Namespace) -> SimulatedBody:
     parameters = require_actuators(options.actuators)
     if parameters is None:
-        return SimulatedBody(options.face, options.perturbation, options.seed)
-    return ActuatedBody(options.face, options.perturbation, options.seed, parameters)
+        return SimulatedBody(options.face, options.perturbation, options.seed, incline_deg=options.incline)
+    return ActuatedBody(options.face, options.perturbation, options.seed, parameters, options.incline)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -85,6 +88,12 @@ def _parser() -> argparse.ArgumentParser:
         type=_number(0.0, 0.5),
         default=0.05,
         help="how far they are from the nominal ones, 0.05 = 5 %% (default: %(default)s)",
+    )
+    parser.add_argument(
+        "--incline",
+        type=_number(0.0, MOST_INCLINE_DEG),
+        default=0.0,
+        help="incline of the ground in degrees, downhill in a direction drawn by the seed (default: %(default)s)",
     )
     parser.add_argument("--face", type=_face, default="TC6", help="the face it starts on (default: %(default)s)")
     parser.add_argument(

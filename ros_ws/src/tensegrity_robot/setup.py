@@ -26,6 +26,7 @@ setup(
         "console_scripts": [
             "twin = tensegrity_robot.twin_node:main",
             "gait_planner = tensegrity_robot.gait_planner_node:main",
+            "traveller = tensegrity_robot.traveller_node:main",
             "hardware_bridge = tensegrity_robot.hardware_bridge_node:main",
             # hardware_bridge's own executable, so that one package name starts every process of a session
             "virtual_prototype = hardware_bridge.virtual_prototype.__main__:main",

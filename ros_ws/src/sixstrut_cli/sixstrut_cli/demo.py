@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import random
 import signal
-import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -15,20 +14,15 @@ from typing import Any
 from rich.console import Console
 
 from hardware_bridge.bag_reader import read_session
-from hardware_bridge.codecs.registry import parse_board
-from sim_core.actuators import require_actuators
-from sim_core.library import load_library
 from sim_core.parameters import load_prototype
 from sim_core.perturbation import LAW
 from sim_core.policy import neutral_lengths
-from sim_core.structure import require_face
 from sim_core.symmetry import GROUP, carrier
-from sim_core.warm_up import Stage
-from sixstrut_cli.compiling import compile_first
 from sixstrut_cli.pictures import session_picture
 from sixstrut_cli.replaying import replay
 from sixstrut_cli.route import next_face, walk
-from sixstrut_cli.stack import Stack, Uninterrupted, executable, ros_arguments, wait_until
+from sixstrut_cli.stack import Stack, Uninterrupted
+from sixstrut_cli.virtual_stack import VirtualRobot
 
 ROLL_RUNS_S = 10.0
 """Robot time that a strut runs in a roll, at most: 45 mm there and back."""
@@ -41,17 +35,10 @@ MISSES_ALLOWED = 3
 
 @dataclass(frozen=True)
 class Plan:
-    """What the demo does; `time_scale` in robot seconds per second."""
+    """What the demo does."""
 
     rolls: int
-    seed: int
-    from_face: str
-    time_scale: float
-    perturbation: float
-    board: str
-    actuators: str
-    library: str
-    bags: Path
+    robot: VirtualRobot
 
 
 class Interrupted(KeyboardInterrupt):
@@ -60,11 +47,8 @@ class Interrupted(KeyboardInterrupt):
 
 def run(plan: Plan) -> int:
     """Run the demo. Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not."""
-    require_face(plan.from_face)
-    parse_board(plan.board)
-    require_actuators(plan.actuators)
-    load_library(plan.library)
-    plan.bags.mkdir(parents=True, exist_ok=True)
+    plan.robot.require()
+    plan.robot.bags.mkdir(parents=True, exist_ok=True)
     os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
 
     def interrupt(number: int, frame: Any) -> None:
@@ -86,16 +70,14 @@ class _Demo:
 
     def run(self) -> int:
         plan = self.plan
-        pace = "real time" if plan.time_scale == 1.0 else f"{plan.time_scale:g} times real time"
-        perturbed = f"perturbed by ±{100 * plan.perturbation:g} % (seed {plan.seed})"
-        self.console.print(
-            f"virtual prototype, board {plan.board}, actuators {plan.actuators}, {perturbed}; {pace}; every roll here is virtual"
-        )
-        log_folder = plan.bags / "logs" / time.strftime("%Y%m%d-%H%M%S")
+        self.console.print(plan.robot.words)
+        log_folder = plan.robot.bags / "logs" / time.strftime("%Y%m%d-%H%M%S")
         stopped = False
         stack = Stack(log_folder)
         try:
-            self._start(stack)
+            plan.robot.compile()
+            with self.console.status("starting the virtual prototype, bridge, planner and twin"):
+                plan.robot.start(stack, self.folder)
             self._operate(stack)
         except KeyboardInterrupt:
             stopped = True
@@ -106,42 +88,6 @@ class _Demo:
         self._summary(codes, stopped, log_folder)
         bad = {name: code for name, code in codes.items() if code != 0}
         return 0 if not bad and (stopped or self.done >= plan.rolls) else 1
-
-    def _start(self, stack: Stack) -> None:
-        plan = self.plan
-        compile_first(
-            Stage.ROBOT, Stage.BATCH
-        )  # once for all processes, instead of each for itself; the planner rehearses in batches
-        link = self.folder / "prototype"
-        stack.start(
-            "virtual_prototype",
-            [
-                sys.executable,
-                "-m",
-                "hardware_bridge.virtual_prototype",
-                *("--link", link),
-                *("--face", plan.from_face),
-                *("--seed", str(plan.seed)),
-                *("--perturbation", str(plan.perturbation)),
-                *("--time-scale", str(plan.time_scale)),
-                *("--board", plan.board),
-                *("--actuators", plan.actuators),
-            ],
-        )
-        with self.console.status("starting the virtual prototype"):
-            wait_until(link.exists, 60.0, "the virtual prototype's port", stack)
-        common = {"start_face": plan.from_face}
-        stack.start("twin", [executable("tensegrity_robot", "twin"), *ros_arguments(common)])
-        stack.start("gait_planner", [executable("tensegrity_robot", "gait_planner"), *ros_arguments({"library": plan.library})])
-        bridge = {
-            "port": link,
-            "board": plan.board,
-            "time_scale": plan.time_scale,
-            "bag_folder": plan.bags.resolve(),
-            "state_folder": self.folder,
-            "library": plan.library,
-        }
-        stack.start("hardware_bridge", [executable("tensegrity_robot", "hardware_bridge"), *ros_arguments(bridge)])
 
     def _operate(self, stack: Stack) -> None:
         from sixstrut_cli.operator_client import Operator  # rclpy: only once the processes are on their way
@@ -164,8 +110,8 @@ class _Demo:
         plan = self.plan
         header = f"{'roll':>4}  {'gait':<22} {'predicted':<10} {'observed':<10} {'robot time':>10}   twin to prototype (mean, max)"
         self.console.print(header)
-        route, used = walk(plan.from_face, plan.rolls, plan.seed), set[int]()
-        rng, before = random.Random(plan.seed), None
+        route, used = walk(plan.robot.face, plan.rolls, plan.robot.seed), set[int]()
+        rng, before = random.Random(plan.robot.seed), None
         misses = 0
         while self.done < plan.rolls and misses < MISSES_ALLOWED:
             here = operator.observed.face
@@ -174,7 +120,7 @@ class _Demo:
             element = carrier(here, target)
             if operator.bridge.duty_left_s < ROLL_RUNS_S:
                 with self.console.status("resting: the actuators have run as long as their duty cycle permits"):
-                    operator.wait_for_duty(ROLL_RUNS_S, 30.0 + LONGEST_REST_S / plan.time_scale)
+                    operator.wait_for_duty(ROLL_RUNS_S, 30.0 + LONGEST_REST_S / plan.robot.time_scale)
             result = self._roll(operator, target)
             self.tries += 1
             used.add(GROUP.index(element))
@@ -204,7 +150,7 @@ class _Demo:
                     f"rolling to {target}: {feedback.phase}, on {feedback.face or 'no face'}, {100 * feedback.progress:.0f} %"
                 )
 
-            return operator.roll(target, show, 30.0 + ROLL_LIMIT_S / self.plan.time_scale)
+            return operator.roll(target, show, 30.0 + ROLL_LIMIT_S / self.plan.robot.time_scale)
 
     def _summary(self, codes: dict[str, int], stopped: bool, log_folder: Path) -> None:
         plan, show = self.plan, self.console.print
@@ -214,7 +160,7 @@ class _Demo:
                 show(f"warning: {name} ended with exit code {code} (log: {log_folder / name}.log)")
         kind = f"{self.done} of {plan.rolls} rolls succeeded in {self.tries} tries, {self.mirrors} of them by mirrored gaits"
         show("stopped by you: struts held, bag closed" if stopped else kind)
-        show(f"perturbation: scale {plan.perturbation:g}, seed {plan.seed}; {LAW}")
+        show(f"perturbation: scale {plan.robot.perturbation:g}, seed {plan.robot.seed}; {LAW}")
         if self.bag is None or not self.bag.exists():
             show("no bag was recorded" if self.bag is None else f"the bag {self.bag} is missing")
             return

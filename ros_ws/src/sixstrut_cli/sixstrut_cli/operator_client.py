@@ -21,7 +21,7 @@ from std_srvs.srv import Trigger
 
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.stack import Stack, wait_until
-from tensegrity_interfaces.action import Roll
+from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TrialRecord, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, LogTrial, SetFace
 from tensegrity_robot.discovery import discovery_changes, loopback_profile
@@ -63,6 +63,7 @@ class Operator:
         self._log_trial = self._node.create_client(LogTrial, "log_trial")
         self._triggers = {name: self._node.create_client(Trigger, name) for name in ("stop", "reset")}
         self._roll = ActionClient(self._node, Roll, "roll")
+        self._travel = ActionClient(self._node, Travel, "travel")
         self._executor = SingleThreadedExecutor()
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._spin, daemon=True)
@@ -162,15 +163,30 @@ class Operator:
             watch: called all the while; may raise KeyboardInterrupt.
         """
         goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive)
+        return self._act(self._roll, "roll", goal, feedback, limit_s, watch)
+
+    def travel(
+        self, place_m: tuple[float, float], reach_m: float, most_rolls: int, feedback: Callable[[Any], None], limit_s: float
+    ) -> Any:
+        """Travel to a place on the floor; the action's result. KeyboardInterrupt cancels it, as in `roll`."""
+        wait_until(self._travel.server_is_ready, DISCOVERY_LIMIT_S, "the traveller's action travel", self._stack)
+        goal = Travel.Goal(reach_m=reach_m, most_rolls=most_rolls)
+        goal.goal.header.frame_id = "odom"
+        goal.goal.pose.position.x, goal.goal.pose.position.y = place_m
+        return self._act(self._travel, "travel", goal, feedback, limit_s, lambda: None)
+
+    def _act(
+        self, client: ActionClient, name: str, goal: Any, feedback: Callable[[Any], None], limit_s: float, watch: Callable[[], None]
+    ) -> Any:
         handle = self._called(
-            lambda: self._roll.send_goal_async(goal, feedback_callback=lambda message: feedback(message.feedback)),
+            lambda: client.send_goal_async(goal, feedback_callback=lambda message: feedback(message.feedback)),
             10.0,
-            "an answer to roll",
+            f"an answer to {name}",
         )
         if not handle.accepted:
-            raise StackError("the planner rejected the roll: it is busy with another; cancel that first")
+            raise StackError(f"the {name} was rejected: another one is running; cancel that first")
         try:
-            return self._called(handle.get_result_async, limit_s, "the end of the roll", watch).result
+            return self._called(handle.get_result_async, limit_s, f"the end of the {name}", watch).result
         except KeyboardInterrupt:
             self._called(handle.cancel_goal_async, 10.0, "an answer to cancel")
             raise

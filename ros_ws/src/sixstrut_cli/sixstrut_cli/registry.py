@@ -17,6 +17,7 @@ _ALL = (
     Entry("roll", "Simulate one roll and judge it.", "roll"),
     Entry("search", "Find primitives with a genetic algorithm: improved, previous or robust.", "search"),
     Entry("route", "The likeliest sequence of rolls from one face to another.", "route"),
+    Entry("travel", "Roll the virtual prototype to a place on the floor, replanned after every roll.", "travel"),
     Entry("rehearse", "Try a roll on perturbed robots before the real one does it: odds and outcomes.", "rehearse"),
     Entry("robustness", "Try a library's 24 gaits on perturbed prototypes: rates, intervals, what kills them.", "robustness"),
     Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "recheck"),

@@ -1,4 +1,4 @@
-"""The whole stack: hardware bridge, gait planner, twin; with `virtual:=true` (the default) also a virtual prototype to drive.
+"""The whole stack: bridge, planner, traveller, twin; with `virtual:=true` (the default) also a virtual prototype to drive.
 
     ros2 launch tensegrity_robot tensegrity.launch.py
     ros2 launch tensegrity_robot tensegrity.launch.py virtual:=false port:=/dev/rfcomm0 calibration:=/path/to/mine.yaml
@@ -26,6 +26,7 @@ ARGUMENTS = (
     ("port", "", "device or pyserial URL of the board; empty: the virtual prototype's link"),
     ("board", "lsc", "servo board: lsc, ssc32, maestro, maestro:crc, maestro:device=12:crc"),
     ("perturbation", "0.05", "how far the virtual prototype is off the nominal robot, 0.05 for ±5 %"),
+    ("incline", "0.0", "incline of the virtual prototype's ground in degrees, downhill in a direction that the seed draws"),
     ("seed", "0", "draws the virtual prototype's true parameters"),
     ("time_scale", "1.0", "robot seconds per second; other than 1 only with a virtual prototype"),
     ("start_face", "TC6", "face on which robot and twin start"),
@@ -72,6 +73,7 @@ def _processes(context: LaunchContext) -> list[Action]:
     processes: list[Action] = [
         node("twin", start_face=text("start_face")),
         node("gait_planner", library=text("library")),
+        node("traveller", library=text("library")),
         node(
             "hardware_bridge",
             port=text("port"),
@@ -93,6 +95,7 @@ def _processes(context: LaunchContext) -> list[Action]:
         for option, name in (
             ("seed", "seed"),
             ("perturbation", "perturbation"),
+            ("incline", "incline"),
             ("time-scale", "time_scale"),
             ("face", "start_face"),
             ("board", "board"),

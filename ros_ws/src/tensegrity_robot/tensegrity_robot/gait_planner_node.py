@@ -95,6 +95,8 @@ class _Running:
         self.rehearsal: concurrent.futures.Future[Rehearsing] | None = None
         self.odds = math.nan
         """What rehearsal says; NaN: nothing yet, or nobody asked."""
+        self.unlikely = False
+        """It is refused because of these odds."""
         self.motion: Any = None
         self.motion_asked: float | None = None
         """When the bridge was asked for the motion that is under way."""
@@ -323,6 +325,7 @@ class GaitPlannerNode(Node):
             face_sequence=list(outcome.faces),
             duration_s=outcome.duration_s,
             odds=roll.odds,
+            unlikely=roll.unlikely,
         )
 
     # ---- the roll's steps -------------------------------------------------------------------------------------------
@@ -414,6 +417,7 @@ class GaitPlannerNode(Node):
         self._rehearsals.publish(message)
         roll.odds = found.wanted.rate.value
         if roll.odds < self._settings.least_odds and not roll.goal.request.anyway:
+            roll.unlikely = True
             raise RollRefused(_unlikely(found, self._settings.least_odds))
         return True
 

@@ -11,6 +11,8 @@ from pathlib import Path
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path as PathMessage
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
@@ -97,6 +99,9 @@ class HardwareBridgeNode(LifecycleNode):
         topics.record(Rehearsal, "rehearsal", qos.LATCHED)
         topics.record(FaceObservation, "twin/face", qos.FACES)
         topics.record(JointState, "twin/joint_states", qos.STATES)
+        topics.record(PoseStamped, "goal_pose", qos.STATES)
+        topics.record(PoseStamped, "travel/goal", qos.LATCHED)
+        topics.record(PathMessage, "travel/path", qos.LATCHED)
         serve_trial_log(self, topics)
 
     # ---- life -------------------------------------------------------------------------------------------------------

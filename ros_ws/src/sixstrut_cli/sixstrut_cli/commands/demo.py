@@ -35,5 +35,7 @@ def command(
     sixstrut demo --board maestro:crc
     """
     from sixstrut_cli.demo import Plan, run
+    from sixstrut_cli.virtual_stack import VirtualRobot
 
-    raise typer.Exit(run(Plan(rolls, seed, from_face, 1.0 if real_time else 8.0, perturbation, board, actuators, library, bags)))
+    pace = 1.0 if real_time else 8.0
+    raise typer.Exit(run(Plan(rolls, VirtualRobot(from_face, seed, perturbation, pace, board, actuators, library, bags))))

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.commands.options import JsonOption, LibraryOption
+from sixstrut_cli.commands.options import JsonOption, LibraryOption, place_of
 
 
 def command(
@@ -44,7 +44,7 @@ def command(
         from sim_core.warm_up import Stage
         from sixstrut_cli.compiling import compile_first
 
-        goal_m, start = _place(target), Stance(require_face(source), 0.0, 0.0, 0.0)
+        goal_m, start = place_of(target), Stance(require_face(source), 0.0, 0.0, 0.0)
         compile_first(Stage.ROBOT)
         way = Floor(build_model(load_prototype())).way(start, goal_m, graph, reach)
         faces, odds_of_all, choices = tuple(stance.face for stance in way.stances), way.odds, way.choices
@@ -74,11 +74,3 @@ def command(
         typer.echo(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm, odds {100 * choice.odds:.1f} %{where}")
     basis = known.how if known else "success in training, one rate for a primitive's 24 gaits"
     typer.echo(f"{' → '.join(faces)}: {len(choices)} rolls, odds {100 * odds_of_all:.1f} % ({basis}){end}")
-
-
-def _place(text: str) -> tuple[float, float]:
-    try:
-        x, y = (float(part) for part in text.split(","))
-    except ValueError:
-        raise typer.BadParameter(f"{text!r}: valid is a face such as TC1, or a place on the floor in m, such as 1.0,0.3") from None
-    return x, y

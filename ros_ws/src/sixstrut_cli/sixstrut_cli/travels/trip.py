@@ -1,0 +1,153 @@
+"""One travel of a virtual prototype through the whole stack: real processes, real bytes."""
+
+from __future__ import annotations
+
+import os
+import random
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hardware_bridge.bag_reader import read_session
+from hardware_bridge.observer_client import ObserverClient
+from hardware_bridge.virtual_port import read_handshake
+from sim_core.parameters import load_prototype
+from sim_core.policy import neutral_lengths
+from sixstrut_cli.lateness import Lateness
+from sixstrut_cli.pictures import observed_path
+from sixstrut_cli.stack import Stack, Uninterrupted
+from sixstrut_cli.virtual_stack import VirtualRobot
+
+ROLL_LIMIT_S, REST_LIMIT_S = 60.0, 1_300.0
+"""Robot time that a roll may take, and all resting."""
+LATE_S = 1.0
+"""A virtual prototype that was later than this (s of robot time) may have been judged by what was over."""
+POINTS = 200
+"""Of a path that is kept."""
+
+
+@dataclass(frozen=True)
+class Trip:
+    """A travel that is over; see the action Travel.
+
+    Attributes:
+        goal_m: place. library: name. use_odds: reliable gaits were preferred.
+        late_s: how late the virtual prototype was at worst (s of robot time).
+        path_m: how far its centre went from rest to rest. places_m: where that was seen, (n, 2).
+        seed, incline_deg, perturbation: of the robot. bag: file.
+    """
+
+    goal_m: tuple[float, float]
+    library: str
+    use_odds: bool
+    seed: int
+    incline_deg: float
+    perturbation: float
+    success: bool
+    reason: str
+    rolls: int
+    missed: int
+    left_m: float
+    path_m: float
+    straight_m: float
+    robot_s: float
+    faces: tuple[str, ...]
+    late_s: float
+    places_m: tuple[tuple[float, float], ...]
+    bag: str
+
+    @property
+    def ratio(self) -> float:
+        """Length of the path over the distance that was won; 1 is straight."""
+        won = self.straight_m - self.left_m
+        return self.path_m / won if won > 0.0 else float("inf")
+
+
+def travel(
+    robot: VirtualRobot,
+    goal_m: tuple[float, float],
+    folder: Path,
+    tell: Callable[[str], None],
+    reach_m: float = 0.0,
+    most_rolls: int = 0,
+    use_odds: bool = True,
+) -> Trip:
+    """Start a stack, arm, travel, end it all.
+
+    Args:
+        folder: for links and state. tell: told what goes on. reach_m, most_rolls: 0: the traveller's.
+
+    Raises:
+        StackError: the stack does not come up, or a process of it dies. KeyboardInterrupt: with the struts held and the bag closed.
+    """
+    robot.require()
+    robot.bags.mkdir(parents=True, exist_ok=True)
+    os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
+    stack = Stack(robot.bags / "logs" / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}")
+    lateness = Lateness(robot.time_scale)
+    try:
+        tell("starting virtual prototype, bridge, planner, traveller and twin")
+        robot.start(stack, folder, travels=True, planner=[("use_odds", use_odds)])
+        handshake = read_handshake(str(folder / "prototype"))
+        assert handshake is not None, "a virtual prototype has one"
+        with closing(ObserverClient(handshake.observer, lambda seen: lateness.saw(seen.robot_time_ns))):
+            result, bag = _operate(stack, robot, goal_m, reach_m, most_rolls, tell)
+    finally:
+        with Uninterrupted():
+            stack.stop()
+    return Trip(
+        goal_m,
+        robot.library,
+        use_odds,
+        robot.seed,
+        robot.incline_deg,
+        robot.perturbation,
+        bool(result.success),
+        str(result.reason),
+        int(result.rolls),
+        int(result.missed),
+        float(result.left_m),
+        float(result.path_m),
+        float(result.straight_m),
+        float(result.duration_s),
+        tuple(result.face_sequence),
+        lateness.worst_s * robot.time_scale,
+        _places(bag),
+        bag,
+    )
+
+
+def _operate(
+    stack: Stack, robot: VirtualRobot, goal_m: tuple[float, float], reach_m: float, most_rolls: int, tell: Callable[[str], None]
+) -> tuple[Any, str]:
+    from sixstrut_cli.operator_client import Operator  # rclpy: only once the processes are on their way
+
+    operator = Operator(stack)
+    try:
+        operator.wait_for_stack()
+        tell("arming: the struts are energised one by one, then go to mid stroke")
+        operator.arm(neutral_lengths(load_prototype()).tolist())
+
+        def show(feedback: Any) -> None:
+            where = f"on {feedback.face or 'no face'} at {feedback.x_m:+.2f}, {feedback.y_m:+.2f} m"
+            tell(f"roll {feedback.rolls + 1}: {feedback.phase}; {where}, {100 * feedback.left_m:.0f} cm from the goal")
+
+        limit_s = 120.0 + ((most_rolls or 60) * ROLL_LIMIT_S + REST_LIMIT_S) / robot.time_scale
+        result = operator.travel(goal_m, reach_m, most_rolls, show, limit_s)
+        bag = str(operator.bridge.bag)
+        operator.disarm()
+        return result, bag
+    finally:
+        with Uninterrupted():
+            operator.close()
+
+
+def _places(bag: str) -> tuple[tuple[float, float], ...]:
+    """Where the observer saw the robot's centre, thinned out."""
+    _, joints = observed_path(read_session(bag), 0.0)
+    centers = joints.mean(axis=1)[:, :2].tolist() if len(joints) else []
+    thin = max(1, len(centers) // POINTS)
+    return tuple((round(x, 4), round(y, 4)) for x, y in centers[::thin])

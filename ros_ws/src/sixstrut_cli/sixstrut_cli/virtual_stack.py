@@ -1,0 +1,97 @@
+"""A whole stack on a virtual prototype: its processes, started together. For demo, travel and console."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardware_bridge.codecs.registry import parse_board
+from sim_core.actuators import require_actuators
+from sim_core.library import load_library
+from sim_core.structure import require_face
+from sim_core.warm_up import Stage
+from sixstrut_cli.compiling import compile_first
+from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
+
+
+@dataclass(frozen=True)
+class VirtualRobot:
+    """A virtual prototype, and what drives it.
+
+    Attributes:
+        face: it starts on. seed, perturbation, incline_deg: of the hidden robot and its ground.
+        time_scale: robot seconds per second. board, actuators, library: names or files. bags: folder.
+    """
+
+    face: str = "TC6"
+    seed: int = 1
+    perturbation: float = 0.05
+    time_scale: float = 8.0
+    board: str = "lsc"
+    actuators: str = "stand-in"
+    library: str = "robust"
+    bags: Path = Path("bags")
+    incline_deg: float = 0.0
+
+    def require(self) -> None:
+        """Raises SimError, BridgeError: something that cannot be, before anything is started."""
+        require_face(self.face)
+        parse_board(self.board)
+        require_actuators(self.actuators)
+        load_library(self.library)
+
+    @staticmethod
+    def compile() -> None:
+        """Compile the solver first, once for all processes, instead of each for itself; the planner rehearses in batches."""
+        compile_first(Stage.ROBOT, Stage.BATCH)
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        pace = "real time" if self.time_scale == 1.0 else f"{self.time_scale:g} times real time"
+        ground = f", ground inclined by {self.incline_deg:g} degrees" if self.incline_deg else ""
+        return (
+            f"virtual prototype, board {self.board}, actuators {self.actuators}, perturbed by ±{100 * self.perturbation:g} % "
+            f"(seed {self.seed}){ground}; {pace}; every roll here is virtual"
+        )
+
+    def start(self, stack: Stack, folder: Path, travels: bool = False, planner: Sequence[tuple[str, object]] = ()) -> None:
+        """Start the processes; the link and the bridge's state are in `folder`.
+
+        Args:
+            travels: start the traveller too. planner: further parameters of planner and traveller, (name, value).
+
+        Raises:
+            StackError: the virtual prototype does not come up.
+        """
+        link = folder / "prototype"
+        words = {
+            "link": link,
+            "face": self.face,
+            "seed": self.seed,
+            "perturbation": self.perturbation,
+            "incline": self.incline_deg,
+            "time-scale": self.time_scale,
+            "board": self.board,
+            "actuators": self.actuators,
+        }
+        given = [word for name, value in words.items() for word in (f"--{name}", str(value))]
+        stack.start("virtual_prototype", [sys.executable, "-m", "hardware_bridge.virtual_prototype", *given])
+        wait_until(link.exists, 60.0, "the virtual prototype's port", stack)
+        gaits = {"library": self.library}
+        bridge = {
+            "port": link,
+            "board": self.board,
+            "time_scale": self.time_scale,
+            "bag_folder": self.bags.resolve(),
+            "state_folder": folder,
+            "library": self.library,
+        }
+        nodes: dict[str, dict[str, object]] = {"twin": {"start_face": self.face}, "gait_planner": {**gaits}}
+        if travels:
+            nodes["traveller"] = {**gaits, **dict(planner)}
+        nodes["hardware_bridge"] = bridge
+        for name, parameters in nodes.items():
+            stack.start(name, [executable("tensegrity_robot", name), *ros_arguments(parameters)])

@@ -1,0 +1,153 @@
+"""Where to roll next on the way to a place on the floor, and when to give up. Knows no ROS and no clock."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import NamedTuple
+
+from sim_core.errors import SimError
+from sim_core.face_graph import FaceGraph
+from sim_core.floor import Floor, Stance, Way
+from sim_core.learned_odds import WEIGHT
+from sim_core.library import Gait, Library
+from sim_core.odds import Odds
+from sim_core.posterior import beta_mean
+from sim_core.structure import NEIGHBOURS
+
+Key = tuple[str, str, str]
+"""Primitive, source, target."""
+PAIRS_BOTH_WAYS = tuple((source, target) for source, targets in NEIGHBOURS.items() for target in targets)
+MOST_MISSES = 6
+"""So many rolls in a row that end elsewhere, or nowhere nearer, are enough."""
+SHARED = 0.5
+EVERY_GAIT_ALIKE = 0.9
+"""Odds of every gait where odds are ignored, for comparison."""
+
+
+class Rules(NamedTuple):
+    """When a travel ends.
+
+    Attributes:
+        reach_m: distance from the goal that counts as there. most_rolls: after which it is given up.
+        use_odds: gaits differ in reliability, and what misses here is believed less; False: they are all alike, for comparison.
+    """
+
+    reach_m: float
+    most_rolls: int
+    use_odds: bool = True
+
+
+class Step(NamedTuple):
+    """The next roll: a gait, and the way that it is the first roll of."""
+
+    gait: Gait
+    way: Way
+
+
+class End(NamedTuple):
+    """The travel is over; `reason`: for people."""
+
+    success: bool
+    reason: str
+
+
+class _Experience:
+    """Odds after what happened on this travel: means of Beta posteriors. What stops one gait of a roll (a slope, a poor strut) is
+    likely to stop another one of it, too: a roll's other gaits count as SHARED of a trial of this one."""
+
+    def __init__(self, known: FaceGraph, tried: Counter[Key], won: Counter[Key]):
+        self._odds = {key_of(choice.gait): choice.odds for pair in PAIRS_BOTH_WAYS for choice in known.choices(*pair)}
+        self._tried, self._won = tried, won
+
+    def of(self, gait: Gait) -> float:
+        key = key_of(gait)
+        return beta_mean(self._odds[key], WEIGHT, self._counted(self._won, key), self._counted(self._tried, key))
+
+    @staticmethod
+    def _counted(counts: Counter[Key], key: Key) -> float:
+        of_the_roll = sum(count for other, count in counts.items() if other[1:] == key[1:])
+        return counts[key] + SHARED * (of_the_roll - counts[key])
+
+
+class _Alike:
+    def of(self, _gait: Gait) -> float:
+        return EVERY_GAIT_ALIKE
+
+
+class Journey:
+    """One travel.
+
+    Attributes:
+        rolls: made. missed: of these, how many ended elsewhere. refused: steps that the planner found too unlikely.
+        faces: rested on, the first one first. path_m: from rest to rest. straight_m: from the goal at the beginning.
+    """
+
+    def __init__(self, floor: Floor, library: Library, odds: Odds | None, goal_m: tuple[float, float], rules: Rules):
+        self._floor, self._library, self._goal_m, self._rules = floor, library, goal_m, rules
+        self._known = FaceGraph(library, odds)
+        self._tried: Counter[Key] = Counter()
+        self._won: Counter[Key] = Counter()
+        self._graph = self._believed()
+        self._vain = 0
+        self._stance: Stance | None = None
+        self.rolls = self.missed = self.refused = 0
+        self.faces: list[str] = []
+        self.path_m = 0.0
+        self.straight_m = 0.0
+
+    @property
+    def left_m(self) -> float:
+        """Distance from the goal, where the robot was seen last."""
+        return self._stance.distance_m(self._goal_m) if self._stance is not None else 0.0
+
+    def look(self, stance: Stance) -> Step | End:
+        """What to do from where the robot rests now."""
+        if self._stance is None:
+            self.straight_m = stance.distance_m(self._goal_m)
+        else:
+            self.path_m += stance.distance_m((self._stance.x_m, self._stance.y_m))
+        self._stance = stance
+        if not self.faces or self.faces[-1] != stance.face:
+            self.faces.append(stance.face)
+        left = f"{100 * self.left_m:.0f} cm from the goal"
+        if self.left_m <= self._rules.reach_m:
+            return End(True, f"rests on {stance.face}, {left}")
+        if self.rolls + self.refused >= self._rules.most_rolls:
+            return End(False, f"gave up after {self.rolls} rolls, {left}: the most that was asked for (most_rolls)")
+        if self._vain >= MOST_MISSES:
+            return End(False, f"gave up {left}: the last {self._vain} rolls missed their face or were refused as too unlikely")
+        try:
+            way = self._floor.way(stance, self._goal_m, self._graph, self._rules.reach_m)
+        except SimError as error:
+            return End(False, f"gave up {left}: {error}")
+        if not way.choices:
+            return End(False, f"gave up {left}: no sequence of rolls comes nearer")
+        return Step(way.choices[0].gait, way)
+
+    def rolled(self, step: Step, success: bool) -> None:
+        """The roll was made; it ended on its target, or elsewhere."""
+        self.rolls += 1
+        self.missed += not success
+        self._learn(step, success)
+
+    def refuse(self, step: Step) -> None:
+        """The planner did not make it: too unlikely on its ensemble."""
+        self.refused += 1
+        self._learn(step, False)
+
+    def _learn(self, step: Step, success: bool) -> None:
+        key = key_of(step.gait)
+        self._tried[key] += 1
+        self._won[key] += success
+        self._vain = 0 if success else self._vain + 1
+        self._graph = self._believed()
+
+    def _believed(self) -> FaceGraph:
+        if not self._rules.use_odds:
+            return FaceGraph(self._library, _Alike())
+        return FaceGraph(self._library, _Experience(self._known, self._tried, self._won))
+
+
+def key_of(gait: Gait) -> Key:
+    """A gait's name in tables."""
+    return gait.primitive.name, gait.source, gait.target
