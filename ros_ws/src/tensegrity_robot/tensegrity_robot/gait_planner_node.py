@@ -23,7 +23,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from sim_core.errors import SimError
 from sim_core.face_graph import FaceGraph
-from sim_core.library import Gait, gait_of, load_library
+from sim_core.library import Gait, load_library
 from sim_core.odds import load_odds
 from sim_core.parameters import load_prototype
 from sim_core.perturbation import MAX_SCALE
@@ -43,6 +43,7 @@ from tensegrity_robot.lease import CALL_TIMEOUT_S, Lease
 from tensegrity_robot.messages import STRUT_NAMES, nanoseconds
 from tensegrity_robot.parameters import declare_parameters, parameter
 from tensegrity_robot.process import End, run
+from tensegrity_robot.rehearse_service import serve_rehearse, wanted_gait
 from tensegrity_robot.rehearsing import Rehearser, Rehearsing, rehearsal_message
 from tensegrity_robot.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View, known_face
 
@@ -157,6 +158,8 @@ class GaitPlannerNode(Node):
             cancel_callback=self._on_cancel,
         )
         serve_face_graph(self, self._graph)
+        where, busy = (lambda: known_face(self._view())), (lambda: self._roll is not None)
+        serve_rehearse(self, self._graph, self._rehearser, where, busy, self._tell_rehearsal)
         self.create_timer(TICK_S, self._tick, clock=self._steady)
         if self._rehearser is not None and not is_warm([Stage.BATCH]):
             self.get_logger().info("compiling the solver for rehearsal, once for these sources: a first roll waits for it")
@@ -296,10 +299,7 @@ class GaitPlannerNode(Node):
                     f"the robot is known to stand on {source}, not on {request.source_face}: leave source_face empty, or say "
                     "where it stands with set_face"
                 )
-            if request.primitive:
-                gait = gait_of(self._library.primitive(request.primitive), source, request.target_face)
-            else:
-                gait = self._graph.best(source, request.target_face).gait
+            gait = wanted_gait(self._graph, source, request.target_face, request.primitive)
         except SimError as error:
             raise RollRefused(str(error)) from error
         roll.gait = gait
@@ -412,14 +412,19 @@ class GaitPlannerNode(Node):
             found = roll.rehearsal.result()
         except SimError as error:
             raise RollRefused(f"the roll cannot be rehearsed: {error}; rehearse_members:=0 rolls without") from error
-        message = rehearsal_message(found, self._rehearser.law)
-        message.header.stamp = self.get_clock().now().to_msg()
-        self._rehearsals.publish(message)
+        self._tell_rehearsal(found)
         roll.odds = found.wanted.rate.value
         if roll.odds < self._settings.least_odds and not roll.goal.request.anyway:
             roll.unlikely = True
             raise RollRefused(_unlikely(found, self._settings.least_odds))
         return True
+
+    def _tell_rehearsal(self, found: Rehearsing) -> Rehearsal:
+        assert self._rehearser is not None
+        message = rehearsal_message(found, self._rehearser.law)
+        message.header.stamp = self.get_clock().now().to_msg()
+        self._rehearsals.publish(message)
+        return message
 
     def _end_with(self, roll: _Running, reason: str) -> None:
         if roll.motion is not None:
