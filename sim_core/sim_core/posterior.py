@@ -30,8 +30,6 @@ from sim_core.errors import SimError
 
 LAPSE = 0.03
 """Probability that a trial comes out other than the very robot would have it: a trip, a misread face."""
-SHRINK = 0.9
-"""Kernels' centres are drawn towards the mean by this (Liu and West 2001), which keeps the mixture's spread that of the weights."""
 FLOOR = 1e-3
 """Added to a kernel's variances, in units of the prior's: one heavy member alone still gives a kernel with a width."""
 
@@ -106,7 +104,8 @@ def effective_size(weights: Array) -> float:
 
 
 def kernel_around(z: Array, weights: Array) -> Kernel:
-    """Smoothed version of weighted members: Liu and West's (2001) shrunk mixture of normals.
+    """Smoothed version of weighted members: a mixture of normals, its centres drawn towards the mean so that its spread is that of
+    the weights (West 1993; Liu and West 2001), as wide as so few members in so many dimensions ask for (Silverman 1986).
 
     Args:
         z: (members, d). weights: (members,), sum 1.
@@ -114,8 +113,10 @@ def kernel_around(z: Array, weights: Array) -> Kernel:
     mean = weights @ z
     off = z - mean
     spread = (weights[:, None] * off).T @ off
-    root = np.linalg.cholesky((1.0 - SHRINK**2) * spread + FLOOR * np.eye(z.shape[1]))
-    return Kernel(mean + SHRINK * off, weights, root)
+    d = z.shape[1]
+    width = (4.0 / ((d + 2.0) * effective_size(weights))) ** (1.0 / (d + 4.0))
+    root = np.linalg.cholesky(width**2 * spread + FLOOR * np.eye(d))
+    return Kernel(mean + math.sqrt(max(0.0, 1.0 - width**2)) * off, weights, root)
 
 
 def drawn_from(kernel: Kernel, count: int, rng: np.random.Generator) -> Array:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import random
 import signal
 import tempfile
@@ -22,7 +21,7 @@ from sixstrut_cli.pictures import session_picture
 from sixstrut_cli.replaying import replay
 from sixstrut_cli.route import next_face, walk
 from sixstrut_cli.stack import Stack, Uninterrupted
-from sixstrut_cli.virtual_stack import VirtualRobot
+from sixstrut_cli.virtual_stack import VirtualRobot, own_domain
 
 ROLL_RUNS_S = 10.0
 """Robot time that a strut runs in a roll, at most: 45 mm there and back."""
@@ -49,7 +48,7 @@ def run(plan: Plan) -> int:
     """Run the demo. Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not."""
     plan.robot.require()
     plan.robot.bags.mkdir(parents=True, exist_ok=True)
-    os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
+    own_domain()
 
     def interrupt(number: int, frame: Any) -> None:
         raise Interrupted

@@ -37,13 +37,19 @@ def require_keyboard() -> None:
 
 
 class Keys:
-    """Keys as they are pressed; made by `pressed`."""
+    """Keys as they are pressed, at a terminal (made by `pressed`) and at whatever else writes what a terminal would."""
 
-    def __init__(self, descriptor: int):
-        self._descriptor = descriptor
+    def __init__(self, *descriptors: int):
+        self._descriptors = descriptors
+        self._from = descriptors[0]
+
+    def and_from(self, descriptor: int) -> Keys:
+        """These keys, and those of another descriptor."""
+        return Keys(*self._descriptors, descriptor)
 
     def next(self) -> str:
         """Waits for a key: a character, or one of the names above. Raises EOFError: the terminal is gone."""
+        self._from = select.select(self._descriptors, [], [])[0][0]
         character = self._read()
         if character in ("\r", "\n"):
             return ENTER
@@ -56,16 +62,16 @@ class Keys:
 
     def poll(self, wait_s: float = 0.0) -> str | None:
         """A key, if one is pressed within that time, as `next`; None: none was. Raises EOFError."""
-        return self.next() if select.select([self._descriptor], [], [], wait_s)[0] else None
+        return self.next() if select.select(self._descriptors, [], [], wait_s)[0] else None
 
     def _read(self) -> str:
-        data = os.read(self._descriptor, 1)
+        data = os.read(self._from, 1)
         if not data:
             raise EOFError
         return data.decode("latin-1")
 
     def _more(self) -> bool:
-        return bool(select.select([self._descriptor], [], [], _REST_OF_SEQUENCE_S)[0])
+        return bool(select.select([self._from], [], [], _REST_OF_SEQUENCE_S)[0])
 
 
 @contextmanager

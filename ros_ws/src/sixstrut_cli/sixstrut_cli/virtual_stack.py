@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+import random
 import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,6 +16,11 @@ from sim_core.structure import require_face
 from sim_core.warm_up import Stage
 from sixstrut_cli.compiling import compile_first
 from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
+
+
+def own_domain() -> None:
+    """A ROS domain for this process and its children, unless the user chose one: two stacks must not hear each other."""
+    os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import random
 import time
 from collections.abc import Callable
 from contextlib import closing
@@ -19,7 +18,7 @@ from sim_core.policy import neutral_lengths
 from sixstrut_cli.lateness import Lateness
 from sixstrut_cli.pictures import observed_path
 from sixstrut_cli.stack import Stack, Uninterrupted
-from sixstrut_cli.virtual_stack import VirtualRobot
+from sixstrut_cli.virtual_stack import VirtualRobot, own_domain
 
 ROLL_LIMIT_S, REST_LIMIT_S = 60.0, 1_300.0
 """Robot time that a roll may take, and all resting."""
@@ -85,7 +84,7 @@ def travel(
     """
     robot.require()
     robot.bags.mkdir(parents=True, exist_ok=True)
-    os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
+    own_domain()
     stack = Stack(robot.bags / "logs" / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}")
     lateness = Lateness(robot.time_scale)
     try:

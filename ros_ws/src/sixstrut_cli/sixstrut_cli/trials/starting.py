@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import getpass
-import os
 import random
 import signal
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -38,7 +37,9 @@ from sixstrut_cli.trials.pace import HANDS, PROGRAM, Estimate, Pace, estimate
 from sixstrut_cli.trials.panel import Lines, Live, Panel, duration_text
 from sixstrut_cli.trials.plan import chosen_gaits, chosen_primitives, due_of, make_plan
 from sixstrut_cli.trials.record import Outcome
+from sixstrut_cli.trials.remote import Mirrored, Remote
 from sixstrut_cli.trials.session import Session
+from sixstrut_cli.virtual_stack import own_domain
 
 DEFAULTS: dict[str, Any] = {"library": "robust", "primitives": "all", "gaits": "all", "repeats": 1}
 VIRTUAL_DEFAULTS: dict[str, Any] = {"perturbation": 0.05, "seed": 1, "actuators": "stand-in"}
@@ -199,14 +200,19 @@ class _Run:
         asked, folder = self._asked, self._folder
         if not self._forecast.trials:
             return self._end(0)
-        os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
+        own_domain()
         compile_first(Stage.ROBOT, Stage.BATCH)
         hardware = Hardware(asked.port, asked.board, asked.baud, asked.calibration, asked.time_scale, self._automatic)
         lab = Lab(folder, hardware, lock)
         kind = "virtual trials" if folder.settings.virtual_robot else "trials"
         panel: Panel = Live(kind) if sys.stdout.isatty() else Lines(kind)
         try:
-            with _keyboard() as keys, panel:
+            with ExitStack() as stack:
+                keys = stack.enter_context(_keyboard())
+                if keys is not None:
+                    remote = stack.enter_context(closing(Remote()))
+                    keys, panel = keys.and_from(remote.keys_from), Mirrored(panel, remote)
+                stack.enter_context(panel)
                 hands = self._hands(keys, panel)
                 speed = load_prototype().actuator_speed_m_s
                 session = Session(folder, self._ledger, lab, hands, panel, asked.experimenter, speed, keys, self._forecast.wall_s)

@@ -1,0 +1,75 @@
+"""`sixstrut console`: the robot in the browser."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sixstrut_cli.commands.options import MOST_INCLINE_DEG, MOST_PERTURBATION, LibraryOption
+
+if TYPE_CHECKING:
+    from sixstrut_cli.stack import Stack
+
+
+def command(
+    virtual: Annotated[
+        bool, typer.Option("--virtual", help="Start a virtual prototype with bridge, planner, traveller and twin as well.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port of the page; 0: any free one.")] = 8080,
+    host: Annotated[str, typer.Option(help="Address to listen on; other than loopback only with a token.")] = "127.0.0.1",
+    token: Annotated[str, typer.Option(help="What a browser must know. [default: none on loopback, else a new one]")] = "",
+    seed: Annotated[int, typer.Option(min=0, help="Of the virtual prototype.")] = 1,
+    from_face: Annotated[str, typer.Option("--from-face", help="Face it starts on: TC1..TC8, TO1..TO12.")] = "TC6",
+    perturbation: Annotated[float, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far it is off, 0.05 for ±5 %.")] = 0.05,
+    incline: Annotated[float, typer.Option(min=0.0, max=MOST_INCLINE_DEG, help="Of its ground, in degrees.")] = 0.0,
+    time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Its robot seconds per second.")] = 2.0,
+    board: Annotated[str, typer.Option(help="Its servo board: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
+    actuators: Annotated[str, typer.Option(help="Its actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
+    library: LibraryOption = "robust",
+    bags: Annotated[Path, typer.Option(help="Folder for the bag, with --virtual.")] = Path("bags"),
+) -> None:
+    """Show twin, robot, odds and dangers in a browser; roll, travel and judge trials by clicks; stop at any time.
+
+    It joins the stack that runs in this shell's ROS domain (ROS_DOMAIN_ID), or starts one with a virtual prototype. Nothing needs
+    the network. A stop button in a page is no emergency stop.
+
+    sixstrut console --virtual
+    ROS_DOMAIN_ID=7 sixstrut console --port 8000
+    sixstrut console --host 0.0.0.0        # prints an address with a token; use a trusted network, it is not encrypted
+    """
+    from sim_core.warm_up import Stage
+    from sixstrut_cli.compiling import compile_first
+    from sixstrut_cli.console.running import serve
+    from sixstrut_cli.console.server import LOOPBACK, new_token
+    from sixstrut_cli.stack import Stack
+    from sixstrut_cli.virtual_stack import VirtualRobot, own_domain
+
+    if host not in LOOPBACK and not token:
+        token = new_token()
+    with ExitStack() as stack:
+        if virtual:
+            robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
+            robot.require()
+            robot.compile()
+            bags.mkdir(parents=True, exist_ok=True)
+            own_domain()
+            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="sixstrut-console-"))
+            processes = Stack(bags / "logs" / f"console-{os.getpid()}")
+            stack.callback(_stopped, processes)
+            typer.echo(robot.words)
+            robot.start(processes, Path(folder), travels=True)
+        else:
+            compile_first(Stage.ROBOT)
+        serve(host, port, token, lambda url: typer.echo(f"console: {url}   (Ctrl-C ends it)"))
+
+
+def _stopped(processes: Stack) -> None:
+    from sixstrut_cli.stack import Uninterrupted
+
+    with Uninterrupted():
+        processes.stop()

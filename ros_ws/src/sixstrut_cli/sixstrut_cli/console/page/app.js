@@ -1,0 +1,207 @@
+"use strict";
+// What the console's page does: shows the facts that the server tells, and sends what a person wants. It decides nothing.
+
+const $ = (id) => document.getElementById(id);
+const FACES = [...Array(8).keys()].map((n) => `TC${n + 1}`).concat([...Array(12).keys()].map((n) => `TO${n + 1}`));
+const SHORTEST_MM = 189, LONGEST_MM = 279;
+const RETRY_MS = 1000;
+let socket = null, facts = null, asked = "";
+
+function order(what, more = {}) {
+  if (!socket || socket.readyState !== WebSocket.OPEN) return false;
+  socket.send(JSON.stringify({ do: what, ...more }));
+  return true;
+}
+
+function tell(words, kind) {
+  $("told").textContent = words;
+  $("told").className = kind || "";
+}
+
+function stop() {
+  tell("stopping …", "bad");
+  if (!order("stop")) tell("NOT STOPPED: no connection; use the switch in the servo supply", "bad");
+}
+
+function connect() {
+  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/link`);
+  socket.onopen = () => {
+    $("lost").hidden = true;
+    const scene = encodeURIComponent(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/scene/socket`);
+    $("scene").src = `/scene?websocket=${scene}&hideViserLogo`;
+    tell("", "");
+  };
+  socket.onmessage = (event) => {
+    const message = JSON.parse(event.data);
+    if (message.answer) tell(message.answer.words, message.answer.done ? "good" : "bad");
+    else show(message);
+  };
+  socket.onclose = () => {
+    $("lost").hidden = false;
+    setTimeout(connect, RETRY_MS);
+  };
+}
+
+function text(id, value) {
+  if ($(id).textContent !== value) $(id).textContent = value;
+}
+
+function show(now) {
+  facts = now;
+  const state = now.alive ? now.state : "NO BRIDGE";
+  text("state", state);
+  $("state").className = `badge ${now.alive ? now.state : ""}`;
+  $("state").title = now.reason;
+  text("face", now.face || "no face");
+  text("faceSource", now.source ? `seen by ${now.source}${now.predicted && now.predicted !== now.face ? `; twin: ${now.predicted}` : ""}` : "predicted, nobody looked");
+  health("link", now.alive && now.link ? "open" : "lost", !(now.alive && now.link));
+  health("duty", now.duty_left_s === null ? "–" : `${now.duty_left_s.toFixed(0)} s`, now.duty_left_s !== null && now.duty_left_s < 10);
+  health("battery", now.battery_v === null ? "not told" : `${now.battery_v.toFixed(2)} V`, warned(now, "battery"));
+  health("log", now.bag ? `${now.bag_messages} messages` : "not recording", !now.bag || warned(now, "log"));
+  $("logBox").title = now.bag;
+  $("virtual").hidden = !now.virtual;
+  troubles(now);
+  buttons(now);
+  neighbours(now);
+  journey(now);
+  struts(now);
+  trial(now.trial);
+}
+
+function health(name, words, bad) {
+  text(name, words);
+  $(`${name}Box`).classList.toggle("bad", Boolean(bad));
+}
+
+function warned(now, part) {
+  return now.diagnostics.some(([name, level]) => name === part && level > 0);
+}
+
+function troubles(now) {
+  const list = now.diagnostics.filter(([, level]) => level > 0).map(([name, , words]) => `${name}: ${words}`);
+  if (!now.alive) list.unshift("the hardware bridge is silent: start it, in this ROS domain");
+  if (now.last && / failed/.test(now.last)) list.push(now.last);
+  $("troubleCard").hidden = !list.length;
+  const shown = list.join("\n");
+  if ($("troubles").dataset.shown !== shown) {
+    $("troubles").dataset.shown = shown;
+    $("troubles").replaceChildren(...list.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
+  }
+}
+
+function buttons(now) {
+  const busy = Boolean(now.roll || now.travel);
+  const armed = now.alive && (now.state === "ARMED" || now.state === "HOLD");
+  $("arm").disabled = !(now.alive && now.state === "DISARMED" && $("clear").checked);
+  $("clear").disabled = !(now.alive && now.state === "DISARMED");
+  $("disarm").disabled = !now.alive || now.state === "DISARMED" || now.state === "FAULT";
+  $("reset").disabled = !(now.alive && now.state === "FAULT");
+  $("roll").disabled = !(armed && !busy && now.selected);
+  $("travel").disabled = !(armed && !busy && now.place_m);
+  $("cancel").disabled = !busy;
+  text("roll", now.selected ? `Roll to ${now.selected}` : "Roll");
+  text("travel", now.place_m ? `Travel to ${now.place_m.map((v) => v.toFixed(2)).join(", ")} m` : "Travel there");
+}
+
+function neighbours(now) {
+  const gaits = now.rehearsal ? [...now.rehearsal.gaits].sort((a, b) => a.target.localeCompare(b.target, "en", { numeric: true })) : [];
+  const shown = JSON.stringify([gaits.map((g) => [g.target, g.odds]), now.selected, now.face]);
+  if ($("neighbours").dataset.shown !== shown) {
+    $("neighbours").dataset.shown = shown;
+    $("neighbours").replaceChildren(...gaits.map((gait) => {
+      const button = document.createElement("button");
+      button.type = "button";
+      button.dataset.face = gait.target;
+      button.className = gait.target === now.selected ? "chosen" : "";
+      button.innerHTML = `<b>${gait.target}</b>${Math.round(100 * gait.odds)} %`;
+      button.onclick = () => order("select", { target: gait.target });
+      return button;
+    }));
+  }
+  text("rollFrom", now.face ? `from ${now.face}` : "");
+  const chosen = gaits.find((gait) => gait.target === now.selected);
+  if (!now.face) text("foretold", "no face is known, so there is no roll");
+  else if (!now.rehearsal) text("foretold", "rehearsing …");
+  else if (!chosen) text("foretold", `odds of the best gait to each neighbour, on ${gaits[0] ? gaits[0].members : 0} perturbed twins`);
+  else text("foretold", `${chosen.primitive}: ${chosen.successes} of ${chosen.members} rehearsals rolled; they ended on ${chosen.ends.map(([face, count]) => `${face} ${count}`).join(", ")}`);
+  const running = now.roll;
+  $("progress").hidden = !running;
+  if (running) $("progress").value = running.progress || 0;
+  text("phase", running ? `${running.phase}, on ${running.face || "no face"}` : / failed/.test(now.last) ? "" : now.last);
+}
+
+function journey(now) {
+  const running = now.travel;
+  text("place", now.place_m ? `selected: ${now.place_m.map((v) => v.toFixed(2)).join(", ")} m` : "click on the floor for a place");
+  if (!running) return text("journey", "");
+  const odds = running.odds === null ? "" : `, odds ${Math.round(100 * running.odds)} %`;
+  text("journey", `roll ${running.rolls + 1}: ${running.phase}; ${Math.round(100 * (running.left_m || 0))} cm left, ${running.rolls_left} rolls${odds}`);
+}
+
+function struts(now) {
+  const box = $("struts");
+  if (!box.children.length) {
+    for (let s = 1; s <= 6; s += 1) box.insertAdjacentHTML("beforeend", `<span>S${s}</span><div class="bar"><i></i></div><span></span><span></span>`);
+  }
+  now.lengths_mm.forEach((length, s) => {
+    const [, bar, words, force] = [...box.children].slice(4 * s, 4 * s + 4);
+    bar.firstChild.hidden = length === null;
+    if (length !== null) bar.firstChild.style.left = `${(100 * (length - SHORTEST_MM)) / (LONGEST_MM - SHORTEST_MM)}%`;
+    words.textContent = length === null ? "unknown" : `${length.toFixed(1)} mm`;
+    force.textContent = now.strut_n[s] === null ? "" : `${now.strut_n[s].toFixed(0)} N`;
+  });
+}
+
+function trial(shown) {
+  $("trialCard").hidden = !shown;
+  if (!shown) return;
+  text("trialTitle", shown.kind || "trials");
+  text("trialWhat", `${shown.source} → ${shown.target} ${shown.primitive}`);
+  text("trialQuestion", shown.trouble || shown.question || shown.phase);
+  const rate = shown.done ? `, ${Math.round((100 * shown.successes) / shown.done)} % succeeded` : "";
+  text("trialDone", `${shown.done} of ${shown.total} done${rate}. ${shown.last}`);
+  const keys = (shown.keys || "").split("   ").map((part) => part.trim()).filter(Boolean).map((part) => [part.split(" ")[0], part.slice(part.indexOf(" ") + 1)]);
+  if ($("trialKeys").dataset.shown === shown.keys) return;
+  $("trialKeys").dataset.shown = shown.keys || "";
+  $("trialKeys").replaceChildren(...keys.map(([key, meaning]) => {
+    const button = document.createElement("button");
+    button.type = "button";
+    button.className = `key-${key} ${"uqp".includes(key) ? "small" : ""}`;
+    button.dataset.key = key === "Enter" ? "enter" : key;
+    button.append(Object.assign(document.createElement("kbd"), { textContent: key }), meaning);
+    button.onclick = () => order("key", { key: button.dataset.key });
+    return button;
+  }));
+}
+
+function pressed(event) {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  if (event.key === " " || event.key === "Escape") {
+    event.preventDefault();
+    event.stopPropagation();
+    stop();
+    return;
+  }
+  if (event.target && /SELECT|INPUT/.test(event.target.tagName)) return;
+  const wanted = event.key === "Enter" ? "enter" : event.key;
+  const button = [...$("trialKeys").children].find((one) => one.dataset.key === wanted);
+  if (button && !$("trialCard").hidden) {
+    event.preventDefault();
+    button.click();
+  }
+}
+
+$("stop").onclick = stop;
+$("arm").onclick = () => { tell("arming …"); order("arm"); $("clear").checked = false; };
+$("disarm").onclick = () => order("disarm");
+$("reset").onclick = () => order("reset");
+$("roll").onclick = () => order("roll", { target: facts.selected });
+$("travel").onclick = () => order("travel", { place_m: facts.place_m });
+$("cancel").onclick = () => order("cancel");
+$("setFace").onclick = () => order("face", { face: $("faceSelect").value });
+$("clear").onchange = () => facts && buttons(facts);
+$("faceSelect").append(...FACES.map((face) => new Option(face, face)));
+// Space would also click the button that has the focus: the stop comes first, in this page and in the 3D view's.
+document.addEventListener("keydown", pressed, true);
+$("scene").addEventListener("load", () => $("scene").contentWindow.addEventListener("keydown", pressed, true));
+connect();

@@ -1,0 +1,264 @@
+"""The console as a ROS node: keeps what the stack tells, and asks it for what an operator wants. No call waits."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+import numpy as np
+import rclpy
+from diagnostic_msgs.msg import DiagnosticArray
+from geometry_msgs.msg import PoseArray, PoseStamped
+from nav_msgs.msg import Path
+from rclpy.action import ActionClient
+from rclpy.context import Context
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from std_msgs.msg import String
+from std_srvs.srv import Trigger
+
+from sixstrut_cli.console.facts import NOWHERE, Facts, rehearsal_of
+from sixstrut_cli.trials.remote import KEY_TOPIC, PANEL_TOPIC
+from tensegrity_interfaces.action import Roll, Travel
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, TwinState
+from tensegrity_interfaces.srv import Arm, Disarm, Rehearse, SetFace
+from tensegrity_robot import qos
+from tensegrity_robot.discovery import discovery_changes, loopback_profile
+
+Answer = Callable[[bool, str], None]
+"""Told once whether something was done, and in words how it went."""
+ANSWER_LIMIT_S = 5.0
+ARM_LIMIT_S = 40.0
+"""A bridge just started loads its judge of shapes before it answers."""
+TICK_S = 0.1
+
+
+class RosSide:
+    """One node in a context and a thread of its own. Its methods may be called from any thread.
+
+    Attributes:
+        facts: newest of everything; read it, do not change it.
+    """
+
+    def __init__(self) -> None:
+        os.environ.update(discovery_changes(os.environ, loopback_profile()))
+        self.facts = Facts()
+        self._context = Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = node = Node("console", context=self._context)
+        subscribe = node.create_subscription
+        subscribe(BridgeState, "bridge/state", self._on_bridge, qos.LATCHED)
+        subscribe(FaceObservation, "bridge/face", self._on_face, qos.FACES)
+        subscribe(FaceObservation, "twin/face", self._on_prediction, qos.FACES)
+        subscribe(TwinState, "twin/state", self._on_twin, qos.STATES)
+        subscribe(PoseArray, "twin/joints", self._on_joints, qos.STATES)
+        subscribe(PoseArray, "bridge/observed_joints", self._on_seen, qos.STATES)
+        subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.STATES)
+        subscribe(Rehearsal, "rehearsal", self._on_rehearsal, qos.LATCHED)
+        subscribe(Path, "travel/path", self._on_path, qos.LATCHED)
+        subscribe(PoseStamped, "travel/goal", self._on_goal, qos.LATCHED)
+        subscribe(String, PANEL_TOPIC, self._on_panel, qos.LATCHED)
+        self._keys = node.create_publisher(String, KEY_TOPIC, qos.STATES)
+        kinds = {"arm": Arm, "disarm": Disarm, "stop": Trigger, "reset": Trigger, "set_face": SetFace, "rehearse": Rehearse}
+        self._services: dict[str, Any] = {name: node.create_client(kind, name) for name, kind in kinds.items()}
+        self._rolls = ActionClient(node, Roll, "roll")
+        self._travels = ActionClient(node, Travel, "travel")
+        self._running: Any = None
+        self._asked: list[tuple[Any, float, Answer]] = []
+        self._rehearsed = ""
+        node.create_timer(TICK_S, self._tick)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(node)
+        self._thread = threading.Thread(target=self._spin, name="ros", daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        with suppress(ExternalShutdownException):
+            self._executor.spin()
+
+    def close(self) -> None:
+        """Leave ROS."""
+        self._executor.shutdown()
+        self._thread.join(5.0)
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+
+    # ---- what is heard ----------------------------------------------------------------------------------------------
+
+    def _on_bridge(self, message: BridgeState) -> None:
+        facts = self.facts
+        facts.heard = time.monotonic()
+        facts.state, facts.reason, facts.holder = message.state, message.reason, message.lease_holder
+        facts.link_ok, facts.virtual, facts.time_scale = message.link_ok, message.virtual_port, message.time_scale
+        facts.duty_left_s, facts.battery_v = message.duty_left_s, message.battery_v
+        facts.bag, facts.bag_messages = message.bag, int(message.bag_messages)
+        facts.lengths_m = np.array(message.length_m, dtype=float)
+
+    def _on_face(self, message: FaceObservation) -> None:
+        self.facts.observed, self.facts.settled, self.facts.source = message.face, bool(message.settled), message.source
+
+    def _on_prediction(self, message: FaceObservation) -> None:
+        self.facts.predicted = message.face
+
+    def _on_twin(self, message: TwinState) -> None:
+        facts = self.facts
+        facts.tendon_n, facts.strut_n = np.array(message.tendon_force_n), np.array(message.strut_force_n)
+        facts.ground_n = np.array(message.ground_force_n)
+
+    def _on_joints(self, message: PoseArray) -> None:
+        self.facts.joints_m = _places(message)
+
+    def _on_seen(self, message: PoseArray) -> None:
+        self.facts.seen_m = _places(message)[:12]
+
+    def _on_rehearsal(self, message: Rehearsal) -> None:
+        self.facts.rehearsal = rehearsal_of(message)
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        level = lambda status: status.level[0] if isinstance(status.level, bytes) else int(status.level)  # noqa: E731
+        self.facts.diagnostics = [(s.name.rpartition(": ")[2], level(s), s.message) for s in message.status]
+
+    def _on_path(self, message: Path) -> None:
+        self.facts.way_m = np.array([(p.pose.position.x, p.pose.position.y) for p in message.poses]).reshape(-1, 2)
+
+    def _on_goal(self, message: PoseStamped) -> None:
+        self.facts.goal_m = (message.pose.position.x, message.pose.position.y)
+
+    def _on_panel(self, message: String) -> None:
+        self.facts.trial = json.loads(message.data) if message.data else None
+
+    # ---- what is asked ----------------------------------------------------------------------------------------------
+
+    def stop(self, answer: Answer) -> None:
+        """Stop, latched; says when it took effect. Roll and travel under way end by that."""
+        began = time.monotonic()
+
+        def timed(done: bool, words: str) -> None:
+            took = f"{1e3 * (time.monotonic() - began):.0f} ms"
+            answer(done, f"stopped: in force {took} after the call" if done else f"STOP FAILED: {words}; use the power switch")
+
+        self._call("stop", Trigger.Request(), timed)
+
+    def arm(self, answer: Answer) -> None:
+        """Arm for the console; whoever presses says that the robot is lifted and clear."""
+        self._call("arm", Arm.Request(holder="console", lifted_and_clear=True), answer, ARM_LIMIT_S)
+
+    def disarm(self, answer: Answer) -> None:
+        """Give the lease back."""
+        self._call("disarm", Disarm.Request(), answer)
+
+    def reset(self, answer: Answer) -> None:
+        """Leave FAULT."""
+        self._call("reset", Trigger.Request(), answer)
+
+    def set_face(self, face: str, answer: Answer) -> None:
+        """Say where the robot stands, as a person sees it."""
+        self._call("set_face", SetFace.Request(face=face, source=FaceObservation.SOURCE_OPERATOR), answer)
+
+    def rehearse(self, target: str, answer: Answer) -> None:
+        """Odds of a roll and of those to the other neighbours; they come with `facts.rehearsal`."""
+        self._call("rehearse", Rehearse.Request(target_face=target), answer, ARM_LIMIT_S)
+
+    def roll(self, target: str, anyway: bool, answer: Answer) -> None:
+        """Roll onto a neighbouring face."""
+        self._act(self._rolls, "roll", Roll.Goal(target_face=target, anyway=anyway), answer)
+
+    def travel(self, place_m: tuple[float, float], answer: Answer) -> None:
+        """Travel to a place on the floor."""
+        goal = Travel.Goal()
+        goal.goal.header.frame_id = "odom"
+        goal.goal.pose.position.x, goal.goal.pose.position.y = place_m
+        self._act(self._travels, "travel", goal, answer)
+
+    def cancel(self, answer: Answer) -> None:
+        """End the roll or travel of this console; struts are held."""
+        running = self._running
+        if running is None:
+            answer(False, "nothing of this console is under way")
+        else:
+            self._executor.create_task(running.cancel_goal_async)
+            answer(True, "cancelling")
+
+    def press(self, key: str) -> None:
+        """A key for the session that runs."""
+        self._keys.publish(String(data=key))
+
+    # ---- calls ------------------------------------------------------------------------------------------------------
+
+    def _call(self, name: str, request: Any, answer: Answer, limit_s: float = ANSWER_LIMIT_S) -> None:
+        client = self._services[name]
+        if not client.service_is_ready():
+            answer(False, f"nobody offers {name}: is the stack running, in this ROS domain?")
+            return
+
+        def ask() -> None:
+            future = client.call_async(request)
+            asked = (future, time.monotonic() + limit_s, answer)
+            self._asked.append(asked)
+            future.add_done_callback(lambda done: self._answered(asked))
+
+        self._executor.create_task(ask)
+
+    def _answered(self, asked: tuple[Any, float, Answer]) -> None:
+        if asked in self._asked:
+            self._asked.remove(asked)
+            result = asked[0].result()
+            asked[2](bool(result.success), str(result.message))
+
+    def _act(self, client: ActionClient, name: str, goal: Any, answer: Answer) -> None:
+        if not client.server_is_ready():
+            answer(False, f"nobody offers the action {name}: is the stack running, in this ROS domain?")
+            return
+        facts = self.facts
+
+        def show(message: Any) -> None:
+            told = {key: getattr(message.feedback, key) for key in message.feedback.get_fields_and_field_types()}
+            setattr(facts, name, {key: _plain(value) for key, value in told.items()})
+
+        async def act() -> None:
+            handle = await client.send_goal_async(goal, feedback_callback=show)
+            if not handle.accepted:
+                answer(False, f"the {name} was rejected: another one is running")
+                return
+            self._running = handle
+            facts.last = ""
+            answer(True, f"{name} begins")
+            result = (await handle.get_result_async()).result
+            self._running = None
+            setattr(facts, name, None)
+            facts.last = f"{name} {'ended well' if result.success else 'failed'}{': ' + result.reason if result.reason else ''}"
+
+        self._executor.create_task(act)
+
+    def _tick(self) -> None:
+        for asked in [one for one in self._asked if time.monotonic() > one[1]]:
+            self._asked.remove(asked)
+            asked[2](False, "no answer")
+        self._keep_rehearsed()
+
+    def _keep_rehearsed(self) -> None:
+        """Odds of the neighbours whenever the robot has come to rest on another face, before anybody asks."""
+        facts = self.facts
+        ready = facts.face and facts.roll is None and facts.travel is None and self._services["rehearse"].service_is_ready()
+        if not facts.face:
+            self._rehearsed = ""
+        elif ready and self._rehearsed != facts.face and len(facts.joints_m):
+            self._rehearsed = facts.face
+            self.rehearse("", lambda done, words: None)
+
+
+def _places(message: PoseArray) -> np.ndarray:
+    places = np.array([(p.position.x, p.position.y, p.position.z) for p in message.poses])
+    return places if len(places) else NOWHERE
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, float):
+        return round(value, 4) if value == value else None
+    return value if isinstance(value, (str, int, bool)) else None

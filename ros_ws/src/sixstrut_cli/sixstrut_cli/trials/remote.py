@@ -1,0 +1,103 @@
+"""A session's panel shown elsewhere, and keys pressed there: for the console in the browser.
+
+What is pressed there counts as pressed at the terminal, so nothing of a session can tell them apart.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+from contextlib import suppress
+from dataclasses import asdict
+from types import TracebackType
+from typing import Any
+
+from sixstrut_cli.keys import ENTER
+from sixstrut_cli.trials.panel import Panel, Shown
+
+PANEL_TOPIC, KEY_TOPIC = "trial/panel", "trial/key"
+_BYTES = {ENTER: b"\r"}
+KNOWN = frozenset("yvnuqpm0123456789")
+
+
+class Remote:
+    """A node of its own beside the session: publishes the panel, and writes the keys that it hears into a pipe.
+
+    Attributes:
+        keys_from: descriptor to read keys from, as from a terminal.
+    """
+
+    def __init__(self) -> None:
+        import rclpy
+        from rclpy.context import Context
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.node import Node
+        from rclpy.signals import SignalHandlerOptions
+        from std_msgs.msg import String
+
+        from tensegrity_robot import qos
+        from tensegrity_robot.discovery import discovery_changes, loopback_profile
+
+        os.environ.update(discovery_changes(os.environ, loopback_profile()))
+        self.keys_from, self._keys_to = os.pipe()
+        self._string = String
+        self._context = Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node("sixstrut_trial", context=self._context)
+        self._panel = self._node.create_publisher(String, PANEL_TOPIC, qos.LATCHED)
+        self._node.create_subscription(String, KEY_TOPIC, self._on_key, qos.STATES)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin, name="remote", daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        from rclpy.executors import ExternalShutdownException
+
+        with suppress(ExternalShutdownException):
+            self._executor.spin()
+
+    def _on_key(self, message: Any) -> None:
+        key = str(message.data)
+        if key in _BYTES or key in KNOWN:
+            os.write(self._keys_to, _BYTES.get(key, key.encode()))
+
+    def show(self, shown: Shown | None) -> None:
+        """Publish what is on the panel; None: the session is over."""
+        self._panel.publish(self._string(data=json.dumps(asdict(shown)) if shown is not None else ""))
+
+    def close(self) -> None:
+        """Say that the session is over, and leave ROS."""
+        import rclpy
+
+        self.show(None)
+        self._executor.shutdown()
+        self._thread.join(5.0)
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+        os.close(self._keys_to)
+        os.close(self.keys_from)
+
+
+class Mirrored:
+    """A panel that is also shown elsewhere."""
+
+    def __init__(self, panel: Any, remote: Remote):
+        self._panel, self._remote = panel, remote
+
+    def __enter__(self) -> Panel:
+        self._panel.__enter__()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._panel.__exit__(kind, error, trace)
+
+    def show(self, **changes: Any) -> None:
+        """See Panel."""
+        self._panel.show(**changes)
+        self._remote.show(self._panel.shown)
+
+    def line(self, text: str) -> None:
+        """See Panel."""
+        self._panel.line(text)
