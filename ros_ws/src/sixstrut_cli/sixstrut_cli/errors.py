@@ -20,3 +20,7 @@ class FarmError(SimError):
 
 class SessionError(BridgeError):
     """A session of trials that cannot be begun, gone on with, or reported."""
+
+
+class ConsoleError(BridgeError):
+    """A console that cannot be opened as asked."""

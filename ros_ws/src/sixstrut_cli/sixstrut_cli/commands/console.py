@@ -45,11 +45,13 @@ def command(
     from sim_core.warm_up import Stage
     from sixstrut_cli.compiling import compile_first
     from sixstrut_cli.console.running import serve
-    from sixstrut_cli.console.server import LOOPBACK, new_token
+    from sixstrut_cli.console.server import LOOPBACK, new_token, require_token
     from sixstrut_cli.stack import Stack
     from sixstrut_cli.virtual_stack import VirtualRobot, own_domain
 
-    if host not in LOOPBACK and not token:
+    if token:
+        require_token(token)
+    elif host not in LOOPBACK:
         token = new_token()
     with ExitStack() as stack:
         if virtual:

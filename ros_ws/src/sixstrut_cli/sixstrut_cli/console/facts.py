@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 Places = NDArray[np.float64]
+SILENT_S = 3.0
+"""Bridge and twin tell something at 2 Hz or more."""
 NOWHERE: Places = np.zeros((0, 3))
 
 
@@ -25,7 +27,8 @@ class Facts:
         diagnostics: (name, level 0..3, words) of each part.
         rehearsal: odds of the neighbours, as `rehearsal_of` makes it. way_m: planned centres (n, 2). goal_m: place.
         roll, travel: feedback of what is under way, as plain data. last: how the last one ended.
-        trial: what a session shows, as plain data. heard: when (time.monotonic) the bridge was heard last.
+        trial: what a session shows, as plain data. unrehearsed: why there are no odds.
+        heard, twin_heard: when (time.monotonic) bridge and twin were heard last.
     """
 
     joints_m: Places = field(default_factory=lambda: NOWHERE)
@@ -56,7 +59,9 @@ class Facts:
     travel: dict[str, Any] | None = None
     last: str = ""
     trial: dict[str, Any] | None = None
+    unrehearsed: str = ""
     heard: float = -math.inf
+    twin_heard: float = -math.inf
 
     @property
     def face(self) -> str:
@@ -76,7 +81,9 @@ def document_of(facts: Facts, selection: Selection, now: float) -> dict[str, Any
     """What the page shows, for JSON. Args: now: time.monotonic()."""
     silent_s = now - facts.heard
     return {
-        "alive": silent_s < 3.0,
+        "alive": silent_s < SILENT_S,
+        "twin_alive": now - facts.twin_heard < SILENT_S,
+        "unrehearsed": facts.unrehearsed,
         "state": facts.state,
         "reason": facts.reason,
         "holder": facts.holder,

@@ -6,8 +6,8 @@ import json
 import os
 import threading
 import time
+import traceback
 from collections.abc import Callable
-from contextlib import suppress
 from typing import Any
 
 import numpy as np
@@ -34,13 +34,43 @@ from tensegrity_robot.discovery import discovery_changes, loopback_profile
 Answer = Callable[[bool, str], None]
 """Told once whether something was done, and in words how it went."""
 ANSWER_LIMIT_S = 5.0
+STOP_LIMIT_S = 1.0
+"""The bridge answers within milliseconds; after this a person must know that it did not."""
+REHEARSE_AGAIN_S = 3.0
 ARM_LIMIT_S = 40.0
 """A bridge just started loads its judge of shapes before it answers."""
 TICK_S = 0.1
 
 
+class Spinner:
+    """A node in a thread of its own that goes on whatever a callback raises: nothing that is heard may end the stop button."""
+
+    def __init__(self, node: Node, context: Context):
+        self.node = node
+        self.executor = SingleThreadedExecutor(context=context)
+        self.executor.add_node(node)
+        self._thread = threading.Thread(target=self._spin, name=node.get_name(), daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        while True:
+            try:
+                self.executor.spin()
+                return
+            except ExternalShutdownException:
+                return
+            except Exception:
+                traceback.print_exc()
+
+    def close(self) -> None:
+        """End the thread and the node."""
+        self.executor.shutdown()
+        self._thread.join(5.0)
+        self.node.destroy_node()
+
+
 class RosSide:
-    """One node in a context and a thread of its own. Its methods may be called from any thread.
+    """Two nodes in a context of their own: one for the stop alone, one for all else. Methods may be called from any thread.
 
     Attributes:
         facts: newest of everything; read it, do not change it.
@@ -65,28 +95,24 @@ class RosSide:
         subscribe(PoseStamped, "travel/goal", self._on_goal, qos.LATCHED)
         subscribe(String, PANEL_TOPIC, self._on_panel, qos.LATCHED)
         self._keys = node.create_publisher(String, KEY_TOPIC, qos.STATES)
-        kinds = {"arm": Arm, "disarm": Disarm, "stop": Trigger, "reset": Trigger, "set_face": SetFace, "rehearse": Rehearse}
+        kinds = {"arm": Arm, "disarm": Disarm, "reset": Trigger, "set_face": SetFace, "rehearse": Rehearse}
         self._services: dict[str, Any] = {name: node.create_client(kind, name) for name, kind in kinds.items()}
         self._rolls = ActionClient(node, Roll, "roll")
         self._travels = ActionClient(node, Travel, "travel")
         self._running: Any = None
         self._asked: list[tuple[Any, float, Answer]] = []
-        self._rehearsed = ""
+        self._rehearsed, self._rehearse_at = "", 0.0
         node.create_timer(TICK_S, self._tick)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(node)
-        self._thread = threading.Thread(target=self._spin, name="ros", daemon=True)
-        self._thread.start()
-
-    def _spin(self) -> None:
-        with suppress(ExternalShutdownException):
-            self._executor.spin()
+        self._spinner = Spinner(node, self._context)
+        self._executor = self._spinner.executor
+        stopping = Node("console_stop", context=self._context)
+        self._stop = stopping.create_client(Trigger, "stop")
+        self._stopper = Spinner(stopping, self._context)
 
     def close(self) -> None:
         """Leave ROS."""
-        self._executor.shutdown()
-        self._thread.join(5.0)
-        self._node.destroy_node()
+        self._spinner.close()
+        self._stopper.close()
         rclpy.try_shutdown(context=self._context)
 
     # ---- what is heard ----------------------------------------------------------------------------------------------
@@ -108,6 +134,7 @@ class RosSide:
 
     def _on_twin(self, message: TwinState) -> None:
         facts = self.facts
+        facts.twin_heard = time.monotonic()
         facts.tendon_n, facts.strut_n = np.array(message.tendon_force_n), np.array(message.strut_force_n)
         facts.ground_n = np.array(message.ground_force_n)
 
@@ -131,19 +158,36 @@ class RosSide:
         self.facts.goal_m = (message.pose.position.x, message.pose.position.y)
 
     def _on_panel(self, message: String) -> None:
-        self.facts.trial = json.loads(message.data) if message.data else None
+        shown = json.loads(message.data) if message.data else None
+        self.facts.trial = shown if isinstance(shown, dict) else None
 
     # ---- what is asked ----------------------------------------------------------------------------------------------
 
     def stop(self, answer: Answer) -> None:
         """Stop, latched; says when it took effect. Roll and travel under way end by that."""
+        if not self._stop.service_is_ready():
+            answer(False, "NOT STOPPED: nobody offers stop; use the power switch")
+            return
         began = time.monotonic()
+        future = self._stop.call_async(Trigger.Request())
+        told = threading.Event()
 
-        def timed(done: bool, words: str) -> None:
-            took = f"{1e3 * (time.monotonic() - began):.0f} ms"
-            answer(done, f"stopped: in force {took} after the call" if done else f"STOP FAILED: {words}; use the power switch")
+        def over(done: Any) -> None:
+            took, result = f"{1e3 * (time.monotonic() - began):.0f} ms", done.result()
+            told.set()
+            if result.success:
+                answer(True, f"stopped: in force {took} after the call")
+            else:
+                answer(False, f"NOT STOPPED: {result.message}; use the power switch")
 
-        self._call("stop", Trigger.Request(), timed)
+        def late() -> None:
+            if not told.is_set():
+                answer(False, f"NOT STOPPED: the bridge has not answered for {STOP_LIMIT_S:g} s; use the power switch")
+
+        timer = threading.Timer(STOP_LIMIT_S, late)
+        timer.daemon = True
+        timer.start()
+        future.add_done_callback(over)
 
     def arm(self, answer: Answer) -> None:
         """Arm for the console; whoever presses says that the robot is lifted and clear."""
@@ -240,17 +284,28 @@ class RosSide:
         for asked in [one for one in self._asked if time.monotonic() > one[1]]:
             self._asked.remove(asked)
             asked[2](False, "no answer")
+        for name, client in (("roll", self._rolls), ("travel", self._travels)):
+            if getattr(self.facts, name) is not None and not client.server_is_ready():
+                self._running = None
+                setattr(self.facts, name, None)
+                self.facts.last = f"{name} failed: whoever did it has gone; look where the robot is"
         self._keep_rehearsed()
 
     def _keep_rehearsed(self) -> None:
         """Odds of the neighbours whenever the robot has come to rest on another face, before anybody asks."""
         facts = self.facts
-        ready = facts.face and facts.roll is None and facts.travel is None and self._services["rehearse"].service_is_ready()
+        quiet = facts.roll is None and facts.travel is None and facts.trial is None  # a session's rolls are not to wait for ours
         if not facts.face:
             self._rehearsed = ""
-        elif ready and self._rehearsed != facts.face and len(facts.joints_m):
-            self._rehearsed = facts.face
-            self.rehearse("", lambda done, words: None)
+        elif self._rehearsed != facts.face and quiet and time.monotonic() > self._rehearse_at and len(facts.joints_m):
+            self._rehearse_at = time.monotonic() + REHEARSE_AGAIN_S
+            face = facts.face
+
+            def told(done: bool, words: str) -> None:
+                self._rehearsed = face if done else ""
+                facts.unrehearsed = "" if done else words
+
+            self.rehearse("", told)
 
 
 def _places(message: PoseArray) -> np.ndarray:

@@ -7,6 +7,7 @@ import math
 import signal
 import threading
 import time
+import traceback
 from collections.abc import Callable
 from typing import Any
 
@@ -18,6 +19,7 @@ from sixstrut_cli.console.ground import Ground
 from sixstrut_cli.console.ros_side import RosSide
 from sixstrut_cli.console.scene import Scene
 from sixstrut_cli.console.server import Server
+from sixstrut_cli.keys import ENTER
 from sixstrut_cli.trials.remote import KNOWN
 
 PAGE_S = 0.1
@@ -45,40 +47,46 @@ class Orders:
 
     def carry_out(self, order: dict[str, Any], answer: Callable[[dict[str, Any]], None]) -> None:
         """One order of a page."""
-        what = order.get("do")
+        what, key = order.get("do"), str(order.get("key"))
+        if not isinstance(what, str):
+            what = repr(what)
 
         def told(done: bool, words: str) -> None:
             if words:
                 answer({"answer": {"do": what, "done": done, "words": words}})
 
-        plain = {"stop": self._ros.stop, "arm": self._ros.arm, "disarm": self._ros.disarm, "reset": self._ros.reset}
+        plain = {"stop": self._ros.stop, "disarm": self._ros.disarm, "reset": self._ros.reset}
         if what in plain:
             plain[what](told)
+        elif what == "arm" and order.get("lifted_and_clear") is True:
+            self._ros.arm(told)
+        elif what == "arm":
+            told(False, "somebody must say first that the robot is lifted and hands are clear")
         elif what == "cancel":
             self._ros.cancel(told)
         elif what in ("select", "roll", "face"):
-            self._with_face(str(what), order, told)
+            self._with_face(what, order, told)
         elif what == "travel":
             place = _place(order.get("place_m"))
             if place is None:
                 told(False, f"a place is two numbers in m, at most {FARTHEST_M:g} m away: {order.get('place_m')!r}")
             else:
                 self._ros.travel(place, told)
-        elif what == "key" and (order.get("key") in KNOWN or order.get("key") == "enter"):
-            self._ros.press(str(order["key"]))
+        elif what == "key" and (key in KNOWN or key == ENTER):
+            self._ros.press(key)
         else:
             told(False, f"unknown order {what!r}")
 
     def _with_face(self, what: str, order: dict[str, Any], told: Callable[[bool, str], None]) -> None:
         face = order.get("face" if what == "face" else "target")
-        if face not in FACES:
+        if not isinstance(face, str) or face not in FACES:
             told(False, f"unknown face {face!r}: valid are TC1..TC8 and TO1..TO12")
         elif what == "select":
-            self.select(Selection(str(face)))
+            self.select(Selection(face))
         elif what == "roll":
-            self._ros.roll(str(face), bool(order.get("anyway")), told)
+            self._ros.roll(face, bool(order.get("anyway")), told)
         else:
-            self._ros.set_face(str(face), told)
+            self._ros.set_face(face, told)
 
 
 def _place(value: Any) -> tuple[float, float] | None:
@@ -133,4 +141,8 @@ def _draw(scene: Scene, facts: Facts, orders: Orders, ended: threading.Event) ->
     while not ended.wait(SCENE_S):
         if facts.face and facts.face != stood:
             stood, orders.selection = facts.face, Selection("", orders.selection.place_m)
-        scene.update(facts, orders.selection)
+        try:
+            scene.update(facts, orders.selection)
+        except Exception:  # a picture that fails once must not be the last one
+            traceback.print_exc()
+            ended.wait(1.0)

@@ -1,8 +1,9 @@
 """The console's page and sockets, on one port, and who may use them (tornado).
 
 `/` is the page; `/link` a socket that tells facts and takes orders; `/scene` the 3D view's own page and socket, passed on to viser,
-which itself listens on loopback only. Everything but the page that asks for a token needs the token, if there is one. What another
-site's page sends is refused: by its Origin, and, without a token, by its Host (DNS rebinding).
+which itself listens on loopback only. Everything needs the token, if there is one. What another site's page sends is refused: by
+its Origin, and, without a token, by its Host (DNS rebinding). viser's own port, on loopback, asks for nothing: who reaches it sees
+the scene and can select a face or a place; nothing moves by that.
 """
 
 from __future__ import annotations
@@ -10,7 +11,9 @@ from __future__ import annotations
 import asyncio
 import hmac
 import json
+import re
 import secrets
+import socket
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -21,6 +24,8 @@ import tornado.ioloop
 import tornado.netutil
 import tornado.web
 import tornado.websocket
+
+from sixstrut_cli.errors import ConsoleError
 
 PAGE = Path(__file__).parent / "page"
 COOKIE = "sixstrut_console"
@@ -33,6 +38,12 @@ ONLY_THE_VIEW = b'<style>[data-testid="floating-panel"], .mantine-Notifications-
 
 Order = Callable[[dict[str, Any], Callable[[dict[str, Any]], None]], None]
 """Carries out what a page asks for; the second argument answers it, from any thread."""
+
+
+def require_token(token: str) -> None:
+    """Raises ConsoleError: it is short, or does not fit into an address."""
+    if not re.fullmatch(r"[A-Za-z0-9_-]{8,}", token):
+        raise ConsoleError("--token: valid are 8 or more letters, digits, - and _; leave it out to get a new one")
 
 
 def new_token() -> str:
@@ -64,6 +75,7 @@ class _Guarded(tornado.web.RequestHandler):
         self.set_header("Cache-Control", "no-store")
         self.set_header("X-Content-Type-Options", "nosniff")
         self.set_header("Referrer-Policy", "no-referrer")
+        self.set_header("Content-Security-Policy", "frame-ancestors 'self'")  # no other site may put our buttons under its own
 
     def write_error(self, status_code: int, **_: Any) -> None:
         self.set_header("Content-Type", "text/plain; charset=utf-8")
@@ -183,7 +195,8 @@ class Server:
         self._http = tornado.httpserver.HTTPServer(application)
         self._http.add_sockets(sockets)
         self.port = int(sockets[0].getsockname()[1])
-        shown = f"[{host}]" if ":" in host else host
+        name = socket.gethostname() if host in ("0.0.0.0", "::") else host
+        shown = f"[{name}]" if ":" in name else name
         self.url = f"http://{shown}:{self.port}/" + (f"?token={token}" if token else "")
 
     def later(self, work: Callable[[], None]) -> None:

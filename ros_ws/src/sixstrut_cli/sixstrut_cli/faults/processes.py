@@ -5,8 +5,9 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
@@ -25,20 +26,21 @@ def wait_until(condition: Callable[[], object], limit_s: float, what: str) -> No
 
 
 class Process:
-    """One executable of the workspace, in a session of its own, so that a signal reaches it alone.
+    """One program, by default an executable of the workspace, in a session of its own, so that a signal reaches it alone.
 
     Attributes:
         name: of the executable.
         output: what it has written so far, both streams.
     """
 
-    def __init__(self, name: str, *words: str, folder: Path, environ: dict[str, str]):
-        program = Path(get_package_prefix("tensegrity_robot")) / "lib" / "tensegrity_robot" / name
+    def __init__(self, name: str, *words: str, folder: Path, environ: dict[str, str], program: Sequence[str] = ()):
+        if not program:
+            program = [str(Path(get_package_prefix("tensegrity_robot")) / "lib" / "tensegrity_robot" / name)]
         self.name = name
         self._log = folder / f"{name}-{time.monotonic_ns()}.log"
         with self._log.open("wb") as log:
             self._child = subprocess.Popen(
-                [str(program), *words],
+                [*program, *words],
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
@@ -104,6 +106,13 @@ class Processes:
             folder=self.folder,
             environ={**self._environ, **(environ or {})},
         )
+        self._started.append(process)
+        return process
+
+    def command(self, *words: str) -> Process:
+        """Start a `sixstrut` command beside them."""
+        program = [sys.executable, "-m", "sixstrut_cli"]
+        process = Process(words[0], *words, folder=self.folder, environ=self._environ, program=program)
         self._started.append(process)
         return process
 

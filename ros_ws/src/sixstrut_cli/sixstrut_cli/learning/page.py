@@ -90,7 +90,7 @@ def _searched(cases: Sequence[Case]) -> list[str]:
         "## A library for this robot",
         "",
         "The search that makes `robust`, on robots drawn from the fitted ensemble instead (`./sixstrut search robust --ensemble`).",
-        "All gaits of both libraries are then tried on the hidden robot:",
+        "Done for those of the robots that the shipped library does worst on; all gaits of both libraries are then tried on them:",
         "",
         "| robot | shipped `robust` | searched on the fitted ensemble |",
         "|--:|--:|--:|",

@@ -5,7 +5,8 @@ const $ = (id) => document.getElementById(id);
 const FACES = [...Array(8).keys()].map((n) => `TC${n + 1}`).concat([...Array(12).keys()].map((n) => `TO${n + 1}`));
 const SHORTEST_MM = 189, LONGEST_MM = 279;
 const RETRY_MS = 1000;
-let socket = null, facts = null, asked = "";
+const STOP_MS = 2000, SILENT_MS = 2500;
+let socket = null, facts = null, waiting = 0, heard = 0;
 
 function order(what, more = {}) {
   if (!socket || socket.readyState !== WebSocket.OPEN) return false;
@@ -20,27 +21,43 @@ function tell(words, kind) {
 
 function stop() {
   tell("stopping …", "bad");
-  if (!order("stop")) tell("NOT STOPPED: no connection; use the switch in the servo supply", "bad");
+  clearTimeout(waiting);
+  const unheard = () => tell("NOT STOPPED as far as this page knows: use the switch in the servo supply", "bad");
+  if (order("stop")) waiting = setTimeout(unheard, STOP_MS);
+  else unheard();
 }
 
 function connect() {
   socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/link`);
   socket.onopen = () => {
-    $("lost").hidden = true;
+    heard = Date.now();
     const scene = encodeURIComponent(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/scene/socket`);
     $("scene").src = `/scene?websocket=${scene}&hideViserLogo`;
     tell("", "");
   };
   socket.onmessage = (event) => {
     const message = JSON.parse(event.data);
-    if (message.answer) tell(message.answer.words, message.answer.done ? "good" : "bad");
-    else show(message);
+    heard = Date.now();
+    if (message.answer) {
+      if (message.answer.do === "stop") clearTimeout(waiting);
+      tell(message.answer.words, message.answer.done ? "good" : "bad");
+    } else {
+      $("lost").hidden = true;
+      show(message);
+    }
   };
-  socket.onclose = () => {
+  socket.onclose = async () => {
     $("lost").hidden = false;
+    const reply = await fetch("/").catch(() => null);
+    text("retry", reply && reply.status === 403 ? "the console has another token now: open the address that it printed" : "trying again …");
     setTimeout(connect, RETRY_MS);
   };
 }
+
+// A cable that was pulled closes no socket: silence is a lost connection, too.
+setInterval(() => {
+  if (heard && Date.now() - heard > SILENT_MS) $("lost").hidden = false;
+}, 500);
 
 function text(id, value) {
   if ($(id).textContent !== value) $(id).textContent = value;
@@ -80,6 +97,7 @@ function warned(now, part) {
 function troubles(now) {
   const list = now.diagnostics.filter(([, level]) => level > 0).map(([name, , words]) => `${name}: ${words}`);
   if (!now.alive) list.unshift("the hardware bridge is silent: start it, in this ROS domain");
+  if (!now.twin_alive) list.unshift("the twin is silent: what the 3D view shows is old");
   if (now.last && / failed/.test(now.last)) list.push(now.last);
   $("troubleCard").hidden = !list.length;
   const shown = list.join("\n");
@@ -113,7 +131,7 @@ function neighbours(now) {
       button.type = "button";
       button.dataset.face = gait.target;
       button.className = gait.target === now.selected ? "chosen" : "";
-      button.innerHTML = `<b>${gait.target}</b>${Math.round(100 * gait.odds)} %`;
+      button.append(Object.assign(document.createElement("b"), { textContent: gait.target }), `${Math.round(100 * gait.odds)} %`);
       button.onclick = () => order("select", { target: gait.target });
       return button;
     }));
@@ -121,7 +139,7 @@ function neighbours(now) {
   text("rollFrom", now.face ? `from ${now.face}` : "");
   const chosen = gaits.find((gait) => gait.target === now.selected);
   if (!now.face) text("foretold", "no face is known, so there is no roll");
-  else if (!now.rehearsal) text("foretold", "rehearsing …");
+  else if (!now.rehearsal) text("foretold", now.unrehearsed || "rehearsing …");
   else if (!chosen) text("foretold", `odds of the best gait to each neighbour, on ${gaits[0] ? gaits[0].members : 0} perturbed twins`);
   else text("foretold", `${chosen.primitive}: ${chosen.successes} of ${chosen.members} rehearsals rolled; they ended on ${chosen.ends.map(([face, count]) => `${face} ${count}`).join(", ")}`);
   const running = now.roll;
@@ -175,13 +193,14 @@ function trial(shown) {
 }
 
 function pressed(event) {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.repeat) return;
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
   if (event.key === " " || event.key === "Escape") {
-    event.preventDefault();
+    event.preventDefault(); // also while the key is held: it would press the button that has the focus
     event.stopPropagation();
-    stop();
+    if (!event.repeat) stop();
     return;
   }
+  if (event.repeat) return;
   if (event.target && /SELECT|INPUT/.test(event.target.tagName)) return;
   const wanted = event.key === "Enter" ? "enter" : event.key;
   const button = [...$("trialKeys").children].find((one) => one.dataset.key === wanted);
@@ -192,7 +211,7 @@ function pressed(event) {
 }
 
 $("stop").onclick = stop;
-$("arm").onclick = () => { tell("arming …"); order("arm"); $("clear").checked = false; };
+$("arm").onclick = () => { tell("arming …"); order("arm", { lifted_and_clear: $("clear").checked }); $("clear").checked = false; };
 $("disarm").onclick = () => order("disarm");
 $("reset").onclick = () => order("reset");
 $("roll").onclick = () => order("roll", { target: facts.selected });
@@ -203,5 +222,6 @@ $("clear").onchange = () => facts && buttons(facts);
 $("faceSelect").append(...FACES.map((face) => new Option(face, face)));
 // Space would also click the button that has the focus: the stop comes first, in this page and in the 3D view's.
 document.addEventListener("keydown", pressed, true);
+document.addEventListener("keyup", (event) => event.key === " " && event.preventDefault(), true);
 $("scene").addEventListener("load", () => $("scene").contentWindow.addEventListener("keydown", pressed, true));
 connect();
