@@ -12,6 +12,7 @@ import struct
 import sys
 import termios
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 LIMIT_S = 60.0
@@ -49,6 +50,13 @@ class Terminal:
                 self._at = place + len(text)
                 return text
             assert self._read(end - time.monotonic()), f"waited for {wanted}; it said: {self.text[-1500:]}"
+
+    def reads_until(self, condition: Callable[[], object], limit_s: float = LIMIT_S) -> None:
+        """Takes in what it prints (a terminal that nobody reads blocks its program) until something else is true."""
+        end = time.monotonic() + limit_s
+        while not condition():
+            assert time.monotonic() < end, f"waited in vain; it said: {self.text[-1500:]}"
+            self._read(0.1)
 
     def press(self, *keys: str) -> None:
         """Types."""

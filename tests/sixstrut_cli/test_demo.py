@@ -35,7 +35,7 @@ def finished(process, limit_s=110):
 def exact(tmp_path_factory):
     """Three rolls of a prototype that is the nominal robot: what was printed, and the folder."""
     folder = tmp_path_factory.mktemp("exact")
-    process = demo(folder, "--perturbation", "0", "--actuators", "ideal")
+    process = demo(folder, "--perturbation", "0", "--actuators", "ideal", "--console")
     return finished(process), process.returncode, folder
 
 
@@ -43,6 +43,7 @@ def exact(tmp_path_factory):
 def test_it_rolls_three_times_by_three_gaits_one_of_them_mirrored(exact):
     printed, code, _ = exact
     assert code == 0, printed
+    assert "console: http://127.0.0.1:" in printed
     rows = [match.groupdict() for match in ROW.finditer(printed)]
     assert [row["number"] for row in rows] == ["1", "2", "3"]
     assert all(row["predicted"] == row["observed"] == row["target"] for row in rows)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 import signal
+import sys
 import tempfile
 import time
 from dataclasses import dataclass
@@ -20,7 +21,7 @@ from sim_core.symmetry import GROUP, carrier
 from sixstrut_cli.pictures import session_picture
 from sixstrut_cli.replaying import replay
 from sixstrut_cli.route import next_face, walk
-from sixstrut_cli.stack import Stack, Uninterrupted
+from sixstrut_cli.stack import Stack, Uninterrupted, wait_until
 from sixstrut_cli.virtual_stack import VirtualRobot, own_domain
 
 ROLL_RUNS_S = 10.0
@@ -30,14 +31,16 @@ LONGEST_REST_S = 700.0
 ROLL_LIMIT_S = 90.0
 """Robot time that one roll may take, both motions and both settlings."""
 MISSES_ALLOWED = 3
+CONSOLE_LIMIT_S = 60.0
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What the demo does."""
+    """What the demo does. `console`: also in the browser."""
 
     rolls: int
     robot: VirtualRobot
+    console: bool = False
 
 
 class Interrupted(KeyboardInterrupt):
@@ -77,6 +80,8 @@ class _Demo:
             plan.robot.compile()
             with self.console.status("starting the virtual prototype, bridge, planner and twin"):
                 plan.robot.start(stack, self.folder)
+            if plan.console:
+                self._open_console(stack)
             self._operate(stack)
         except KeyboardInterrupt:
             stopped = True
@@ -87,6 +92,15 @@ class _Demo:
         self._summary(codes, stopped, log_folder)
         bad = {name: code for name, code in codes.items() if code != 0}
         return 0 if not bad and (stopped or self.done >= plan.rolls) else 1
+
+    def _open_console(self, stack: Stack) -> None:
+        """Start a console before the stack, and say where it is."""
+        stack.start("console", [sys.executable, "-m", "sixstrut_cli", "console", "--port", "0"])
+        log = stack.log_folder / "console.log"
+        with self.console.status("starting the console"):
+            wait_until(lambda: "console: " in log.read_text(errors="replace"), CONSOLE_LIMIT_S, "the console's address", stack)
+        line = next(line for line in log.read_text(errors="replace").splitlines() if line.startswith("console: "))
+        self.console.print(line.partition("   ")[0])
 
     def _operate(self, stack: Stack) -> None:
         from sixstrut_cli.operator_client import Operator  # rclpy: only once the processes are on their way

@@ -24,6 +24,7 @@ def command(
     actuators: Annotated[str, typer.Option(help="The prototype's actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
     library: LibraryOption = "robust",
     bags: Annotated[Path, typer.Option(help="Folder for the recorded bag and the picture.")] = Path("bags"),
+    console: Annotated[bool, typer.Option("--console", help="Show it in the browser as well, while it runs.")] = False,
 ) -> None:
     """Roll the virtual prototype with its twin: board emulator on a pty, bridge, planner and twin as separate processes.
 
@@ -32,10 +33,11 @@ def command(
     sixstrut demo
     sixstrut demo --rolls 6 --seed 4 --from-face TO1
     sixstrut demo --real-time --perturbation 0.1
+    sixstrut demo --console --real-time --rolls 10
     sixstrut demo --board maestro:crc
     """
     from sixstrut_cli.demo import Plan, run
     from sixstrut_cli.virtual_stack import VirtualRobot
 
     pace = 1.0 if real_time else 8.0
-    raise typer.Exit(run(Plan(rolls, VirtualRobot(from_face, seed, perturbation, pace, board, actuators, library, bags))))
+    raise typer.Exit(run(Plan(rolls, VirtualRobot(from_face, seed, perturbation, pace, board, actuators, library, bags), console)))

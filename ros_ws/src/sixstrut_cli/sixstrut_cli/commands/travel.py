@@ -60,12 +60,12 @@ def command(
     if place is None:
         _study(study, robot, bags, page)
         return
+    goal_m = place_of(place)
     from rich.console import Console
 
     from sixstrut_cli.travels.picture import travel_picture
     from sixstrut_cli.travels.trip import travel
 
-    goal_m = place_of(place)
     console = Console(stderr=True, highlight=False, soft_wrap=True)
     console.print(robot.words)
     robot.compile()

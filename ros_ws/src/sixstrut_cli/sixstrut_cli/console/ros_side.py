@@ -289,6 +289,8 @@ class RosSide:
                 self._running = None
                 setattr(self.facts, name, None)
                 self.facts.last = f"{name} failed: whoever did it has gone; look where the robot is"
+        if self.facts.trial is not None and not self._node.count_publishers(PANEL_TOPIC):
+            self.facts.trial = None  # the session is over, or was killed
         self._keep_rehearsed()
 
     def _keep_rehearsed(self) -> None:

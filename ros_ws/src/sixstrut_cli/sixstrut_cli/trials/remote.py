@@ -70,8 +70,10 @@ class Remote:
     def close(self) -> None:
         """Say that the session is over, and leave ROS."""
         import rclpy
+        from rclpy.duration import Duration
 
         self.show(None)
+        self._panel.wait_for_all_acked(Duration(seconds=1.0))
         self._executor.shutdown()
         self._thread.join(5.0)
         self._node.destroy_node()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import getpass
+import os
 import random
 import signal
 import sys
@@ -212,6 +213,7 @@ class _Run:
                 if keys is not None:
                     remote = stack.enter_context(closing(Remote()))
                     keys, panel = keys.and_from(remote.keys_from), Mirrored(panel, remote)
+                    self._console.print(f"in the browser: ROS_DOMAIN_ID={os.environ['ROS_DOMAIN_ID']} ./sixstrut console")
                 stack.enter_context(panel)
                 hands = self._hands(keys, panel)
                 speed = load_prototype().actuator_speed_m_s
