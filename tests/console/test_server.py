@@ -11,6 +11,7 @@ import tornado.ioloop
 import tornado.websocket
 
 from sixstrut_cli.console.server import COOKIE, Server, new_token
+from sixstrut_cli.errors import ConsoleError
 
 TOKEN = "right-token"
 LIMIT_S = 10.0
@@ -76,6 +77,15 @@ def test_on_loopback_the_page_needs_no_token():
         assert fetch(port, "/scene").code == 200
         assert talk(port) == {"answer": {"do": "stop"}}
         assert asked == [{"do": "stop"}]
+
+
+def test_a_port_that_is_taken_is_named_with_what_to_do():
+    with serving("") as (port, _), pytest.raises(ConsoleError, match=f"port {port} of 127.0.0.1: .*give another --port"):
+        asyncio.run(_listen(port))
+
+
+async def _listen(port):
+    Server("127.0.0.1", port, "", 1, lambda order, answer: None)
 
 
 def test_another_site_s_page_may_not_ask():

@@ -37,6 +37,7 @@ def stack(module_processes):
     prototype = module_processes.start("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
     module_processes.start("twin")
     module_processes.start("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
+    module_processes.start("traveller")
     module_processes.start("hardware_bridge")
     prototype.says("ready")
     return module_processes
@@ -221,7 +222,7 @@ def test_every_topic_that_a_viewer_asks_for_is_published_with_stamp_and_frame(st
     heard = {}
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     subscriptions = []
-    for topic in wanted - {"/rehearsal"}:  # published before a roll only
+    for topic in wanted - {"/rehearsal", "/travel/path", "/travel/goal"}:  # published before a roll, and on a travel, only
         profile = latched if topic in ("/bridge/state", "/bridge/face", "/twin/face") else qos_profile_sensor_data
         subscriptions.append(
             robot.node.create_subscription(message_class(kinds[topic]), topic, lambda m, t=topic: heard.setdefault(t, m), profile)

@@ -104,7 +104,7 @@ def serve(host: str, port: int, token: str, ready: Callable[[str], None]) -> Non
         ready: told the address to open.
 
     Raises:
-        OSError: the port is taken. SimError: the nominal robot cannot be settled.
+        ConsoleError: the port is taken. SimError: the nominal robot cannot be settled.
     """
     ended = threading.Event()
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}

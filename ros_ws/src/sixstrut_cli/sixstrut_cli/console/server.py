@@ -171,7 +171,7 @@ class Server:
     """
 
     def __init__(self, host: str, port: int, token: str, scene_port: int, order: Order):
-        """Listen. Args: port: 0: any free one. Raises OSError: the port is taken, or no such address is here."""
+        """Listen. Args: port: 0: any free one. Raises ConsoleError: the port is taken, or no such address is here."""
         import viser
 
         self.links: set[_Link] = set()
@@ -191,7 +191,11 @@ class Server:
             ("/scene/socket", _SceneSocket, {**common, "scene_port": scene_port}),
         ]
         application = tornado.web.Application(routes, websocket_max_message_size=MOST_BYTES, log_function=lambda handler: None)
-        sockets = tornado.netutil.bind_sockets(port, host)
+        try:
+            sockets = tornado.netutil.bind_sockets(port, host)
+        except OSError as error:
+            why = f"{error.strerror}; give another --port (0: any free one), or --host"
+            raise ConsoleError(f"the console cannot listen on port {port} of {host}: {why}") from error
         self._http = tornado.httpserver.HTTPServer(application)
         self._http.add_sockets(sockets)
         self.port = int(sockets[0].getsockname()[1])
