@@ -11,7 +11,7 @@ import numpy as np
 from sim_core import kernel as k
 from sim_core import watch as w
 from sim_core.elements import Array
-from sim_core.model import Model, build_model
+from sim_core.model import build_model
 from sim_core.parameters import Prototype
 from sim_core.policy import Policy, lengths_of, neutral_lengths
 from sim_core.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
@@ -24,12 +24,11 @@ from sixstrut_cli.bench.engines import Crowd, Moment, Task
 class MuJoCo:
     """MuJoCo, on the robot of `mujoco_model`."""
 
-    def __init__(self, robot: Prototype | Model, step_s: float, integrator: str = "implicitfast"):
-        """Args: robot: the nominal robot of a prototype, or this very one."""
+    def __init__(self, prototype: Prototype, step_s: float, integrator: str = "implicitfast"):
         self._mujoco = importlib.import_module("mujoco")
         self._rollout = importlib.import_module("mujoco.rollout")
         self.name, self.step_s = "MuJoCo", step_s
-        self.ours = robot if isinstance(robot, Model) else build_model(robot)
+        self.ours = build_model(prototype)
         self.plain, self.watched = (
             mujoco_model.compiled(self.ours.elements, step_s, integrator, sensors) for sensors in (False, True)
         )

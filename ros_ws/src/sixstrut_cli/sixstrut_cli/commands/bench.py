@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.commands.options import MOST_INCLINE_DEG, JsonOption, PrototypeOption
+from sixstrut_cli.commands.options import JsonOption, PrototypeOption
 
 
 def command(
@@ -21,8 +21,6 @@ def command(
         str | None,
         typer.Option(metavar="NAME", help="Only roll this library's gaits in MuJoCo, and count.", show_default=False),
     ] = None,
-    incline: Annotated[float, typer.Option(min=0.0, max=MOST_INCLINE_DEG, help="With --library: of the ground, in degrees.")] = 0.0,
-    directions: Annotated[int, typer.Option(min=1, help="With --incline: of downhill.")] = 6,
     quick: Annotated[
         bool, typer.Option("--quick", help="A minute or two, rougher figures; writes only to --output.", show_default=False)
     ] = False,
@@ -50,7 +48,7 @@ def command(
     sixstrut bench
     sixstrut bench --stack
     sixstrut bench --stack --quick --json
-    sixstrut bench --library robust --incline 5
+    sixstrut bench --library robust
     """
     root = os.environ.get("SIXSTRUT_ROOT")
     if root is None or not (Path(root) / "requirements-bench.lock").is_file():
@@ -58,7 +56,7 @@ def command(
     page = Path(root) / "docs" / ("benchmark_stack.md" if stack else "benchmark.md")
     path = output or (None if quick else page)
     if library is not None:
-        _in_mujoco(Path(root), library, incline, directions, threads, as_json, prototype)
+        _in_mujoco(Path(root), library, threads, as_json, prototype)
     elif stack:
         if threads is not None or prototype is not None:
             raise typer.BadParameter("--threads and --prototype are of the solver's benchmark: leave them out with --stack")
@@ -118,26 +116,22 @@ def _measure_solver(root: Path, quick: bool, threads: int | None, path: Path | N
     typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
 
 
-def _in_mujoco(
-    root: Path, name: str, incline: float, directions: int, threads: int | None, as_json: bool, prototype: Path | None
-) -> None:
+def _in_mujoco(root: Path, name: str, threads: int | None, as_json: bool, prototype: Path | None) -> None:
     import json
 
     from sim_core.library import load_library
     from sim_core.parameters import load_prototype
-    from sixstrut_cli.bars import bars
     from sixstrut_cli.bench import install
     from sixstrut_cli.bench.library import text_of, tried_in_mujoco
 
     shelf = load_library(name)
     install.make_importable(root, _say)
-    with bars("rolls") as bar:
-        most = threads or min(2, os.cpu_count() or 1)
-        tried = tried_in_mujoco(load_prototype(prototype), shelf, incline, directions, most, bar("in MuJoCo"))
+    _say(f"rolling {24 * len(shelf.primitives)} gaits in MuJoCo, a minute or so")
+    tried = tried_in_mujoco(load_prototype(prototype), shelf, threads or min(2, os.cpu_count() or 1))
     if as_json:
         works, pairs = tried.possible
         rates = {p.name: rate.value for p, rate in zip(shelf.primitives, tried.rates, strict=True)}
-        typer.echo(json.dumps({"library": shelf.name, "hash": shelf.hash, "incline_deg": incline, "rates": rates,
-                               "all": float(tried.wins.mean()), "rolls_with_a_gait": works, "rolls": pairs}))  # fmt: skip
+        document = {"library": shelf.name, "hash": shelf.hash, "rates": rates, "all": float(tried.wins.mean())}
+        typer.echo(json.dumps(document | {"rolls_with_a_gait": works, "rolls": pairs}))
     else:
         typer.echo(text_of(tried))
