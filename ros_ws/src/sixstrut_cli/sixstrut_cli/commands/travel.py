@@ -102,9 +102,8 @@ def _study(goals: int, robot: VirtualRobot, folder: Path, page: Path | None) -> 
     groups = groups_of(cases)
     panels = [(", ".join(words_of(group)), [trip for case, trip in found.items() if case.group == group]) for group in groups]
     study_picture(panels, images / "travel.png")
-    command = f"./sixstrut travel --study {goals} -o {folder} --page {target}" + (
-        "" if robot.seed == 1 else f" --seed {robot.seed}"
-    )
+    chosen = f"--study {goals} --seed {robot.seed} --time-scale {robot.time_scale:g}"
+    command = f"./sixstrut travel {chosen} -o {folder} --page {target}"
     text = page_of(found, robot, command, "images/travel.png")
     target.write_text(text, encoding="utf-8")
     typer.echo(text)
