@@ -28,6 +28,10 @@ ROLL_COST = 0.02
 CELL_M, CELL_RAD = 0.01, math.radians(10.0)
 """Stances nearer than this to each other are taken for one."""
 MOST_STANCES = 50_000
+TACKS = (1.0, 1.25, 1.5, 2.0, 3.0)
+"""How much longer than straight a way uphill is thought of being."""
+LEVEL = (0.0, 0.0)
+"""The lean of level ground."""
 
 
 class Stance(NamedTuple):
@@ -101,21 +105,40 @@ class Floor:
         shift = a.mean(axis=0) - _turned(b, turn).mean(axis=0)
         return float(shift[0]), float(shift[1]), turn
 
-    def way(self, start: Stance, goal_m: tuple[float, float], graph: FaceGraph, reach_m: float = REACH_M) -> Way:
+    def heading_rad(self, stance: Stance, target: str) -> float:
+        """Direction on the floor of a roll onto an adjacent face. Raises KeyError: it is not adjacent."""
+        x, y, _ = self._moves[stance.face, target]
+        return stance.yaw_rad + math.atan2(y, x)
+
+    def way(
+        self,
+        start: Stance,
+        goal_m: tuple[float, float],
+        graph: FaceGraph,
+        reach_m: float = REACH_M,
+        lean: tuple[float, float] = LEVEL,
+    ) -> Way:
         """The likeliest rolls to within `reach_m` of a goal (A* over stances, by −log odds and length).
 
         If no stance is that near within MOST_STANCES looked at, the way to the nearest one.
+
+        Args:
+            lean: logits by which a roll in the direction of x, and of y, is likelier than the graph has it: on a slope rolls
+                downhill are.
 
         Raises:
             LibraryError: the library has no gait from there.
         """
         best = {pair: graph.choices(*pair)[:1] for pair in self._moves}
-        odds = [choice.odds for choices in best.values() for choice in choices]
-        # no way is cheaper than the surest roll, every time as far as the longest
-        least = (ROLL_COST - math.log(max(max(odds, default=1.0), 1e-6))) / self.longest_m
+        surest = max((choice.odds for choices in best.values() for choice in choices), default=1.0)
 
         def ahead(stance: Stance) -> float:
-            return least * max(0.0, stance.distance_m(goal_m) - reach_m)
+            left_m = stance.distance_m(goal_m)
+            if left_m <= reach_m:
+                return 0.0
+            rolls = (left_m - reach_m) / self.longest_m
+            x, y = (goal_m[0] - stance.x_m) / left_m, (goal_m[1] - stance.y_m) / left_m
+            return _least_cost(rolls, surest, lean[0] * x + lean[1] * y)
 
         nodes: list[tuple[Stance, int, Choice | None]] = [(start, -1, None)]
         costs = {_cell(start): 0.0}
@@ -137,10 +160,12 @@ class Floor:
                     if choice.odds <= 0.0:
                         continue
                     there = self.rolled(stance, target)
-                    cost = costs[cell] + ROLL_COST - math.log(choice.odds)
+                    heading = self.heading_rad(stance, target)
+                    here = _leaned(choice.odds, lean[0] * math.cos(heading) + lean[1] * math.sin(heading))
+                    cost = costs[cell] + ROLL_COST - math.log(here)
                     if cost < costs.get(_cell(there), math.inf):
                         costs[_cell(there)] = cost
-                        nodes.append((there, number, choice))
+                        nodes.append((there, number, choice._replace(odds=here)))
                         heapq.heappush(queue, (cost + ahead(there), len(nodes) - 1))
         if len(nodes) == 1:
             raise LibraryError(f"library {graph.library.name} has no gait from {start.face}")
@@ -176,6 +201,23 @@ def _relabelled(settled: Mapping[str, Array], model: Model, face: str) -> Array:
 def _cell(stance: Stance) -> tuple[str, int, int, int]:
     turns = round(2.0 * math.pi / CELL_RAD)
     return stance.face, round(stance.x_m / CELL_M), round(stance.y_m / CELL_M), round(stance.yaw_rad / CELL_RAD) % turns
+
+
+def _least_cost(rolls: float, surest: float, logits: float) -> float:
+    """What so many rolls' length straight ahead cost at least, where a roll in that direction is worth `logits` more.
+
+    Straight, if that is downhill; uphill also with more rolls that climb less each: costs are convex in the heading, so no zigzag
+    is cheaper than all its rolls alike (Jensen), up to the coarseness of TACKS.
+    """
+    longer = TACKS if logits < 0.0 else TACKS[:1]
+    return min(rolls * n * (ROLL_COST - math.log(max(_leaned(surest, logits / n), 1e-6))) for n in longer)
+
+
+def _leaned(odds: float, logits: float) -> float:
+    """Odds after so many logits are added to theirs."""
+    if logits == 0.0 or odds <= 0.0 or odds >= 1.0:
+        return odds
+    return odds / (odds + (1.0 - odds) * math.exp(-logits))
 
 
 def _heading(edge: Array) -> float:

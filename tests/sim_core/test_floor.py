@@ -6,9 +6,10 @@ import pytest
 
 from sim_core.errors import LibraryError
 from sim_core.face_graph import FaceGraph
-from sim_core.floor import Floor, Stance
+from sim_core.floor import ROLL_COST, Floor, Stance
 from sim_core.library import Library, load_library
 from sim_core.model import build_model
+from sim_core.odds import load_odds
 from sim_core.parameters import load_prototype
 from sim_core.policy import lengths_of, neutral_lengths
 from sim_core.robot import Robot
@@ -87,3 +88,37 @@ def test_without_gaits_there_is_no_way(floor):
     empty = FaceGraph(Library("none", "", {}, ()))
     with pytest.raises(LibraryError, match="has no gait from TC6"):
         floor.way(Stance("TC6", 0.0, 0.0, 0.0), (1.0, 0.0), empty)
+
+
+def test_a_lean_makes_rolls_down_it_likelier_and_rolls_up_it_less_so(floor):
+    library = load_library("robust")
+    graph = FaceGraph(library, load_odds(library))
+    start = Stance("TC6", 0.0, 0.0, 0.0)
+    level = floor.way(start, (0.0, 1.0), graph)
+    same = floor.way(start, (0.0, 1.0), graph, lean=(0.0, 0.0))
+    assert same == level
+    down, up = (floor.way(start, (0.0, 1.0), graph, lean=(0.0, y)) for y in (3.0, -3.0))
+    assert down.odds >= level.odds > up.odds
+    assert level.reaches
+    assert up.reaches
+
+
+def test_a_heading_is_the_direction_of_the_step(floor):
+    start = Stance("TC6", 0.1, -0.2, 0.4)
+    for target in NEIGHBOURS["TC6"]:
+        there, heading = floor.rolled(start, target), floor.heading_rad(start, target)
+        step = np.array((there.x_m - start.x_m, there.y_m - start.y_m))
+        assert np.allclose(step / np.linalg.norm(step), (math.cos(heading), math.sin(heading)))
+
+
+@pytest.mark.parametrize("lean", [(0.0, 0.0), (2.0, 0.0), (-2.0, 1.0), (0.0, -4.0)])
+def test_looking_ahead_changes_how_long_it_takes_and_not_the_way(floor, monkeypatch, lean):
+    library = load_library("improved")
+    graph = FaceGraph(library, load_odds(library))
+    start, goal = Stance("TC6", 0.0, 0.0, 0.0), (0.2, 0.1)
+    quick = floor.way(start, goal, graph, lean=lean)
+    monkeypatch.setattr("sim_core.floor._least_cost", lambda *_: 0.0)
+    slow = floor.way(start, goal, graph, lean=lean)
+    assert quick.reaches
+    cost, least = (ROLL_COST * len(way.choices) - math.log(way.odds) for way in (quick, slow))
+    assert cost == pytest.approx(least, rel=0.02)

@@ -8,20 +8,20 @@ from typing import NamedTuple
 from sim_core.errors import SimError
 from sim_core.face_graph import FaceGraph
 from sim_core.floor import Floor, Stance, Way
-from sim_core.learned_odds import WEIGHT
 from sim_core.library import Gait, Library
 from sim_core.odds import Odds
-from sim_core.posterior import beta_mean
 from sim_core.structure import NEIGHBOURS
+from tensegrity_robot.experience import Experience
 
 Key = tuple[str, str, str]
 """Primitive, source, target."""
 PAIRS_BOTH_WAYS = tuple((source, target) for source, targets in NEIGHBOURS.items() for target in targets)
-MOST_MISSES = 6
-"""So many rolls in a row that end elsewhere, or nowhere nearer, are enough."""
-SHARED = 0.5
-EVERY_GAIT_ALIKE = 0.9
-"""Odds of every gait where odds are ignored, for comparison."""
+MOST_MISSES = 20
+"""So many rolls in a row that end elsewhere are enough."""
+LEAST_ODDS = 0.01
+"""A roll that is believed less than this is not worth the actuators' wear."""
+EVERY_GAIT_ALIKE, A_TRIFLE = 0.9, 1e-6
+"""Odds of every gait where odds are ignored, for comparison; and by how much less, each time that its primitive was tried."""
 
 
 class Rules(NamedTuple):
@@ -51,27 +51,14 @@ class End(NamedTuple):
     reason: str
 
 
-class _Experience:
-    """Odds after what happened on this travel: means of Beta posteriors. What stops one gait of a roll (a slope, a poor strut) is
-    likely to stop another one of it, too: a roll's other gaits count as SHARED of a trial of this one."""
+class _Alike:
+    """Every gait is as likely as any other; of a roll's gaits the one whose primitive was tried least comes first."""
 
-    def __init__(self, known: FaceGraph, tried: Counter[Key], won: Counter[Key]):
-        self._odds = {key_of(choice.gait): choice.odds for pair in PAIRS_BOTH_WAYS for choice in known.choices(*pair)}
-        self._tried, self._won = tried, won
+    def __init__(self, tried: Counter[str]):
+        self._tried = tried
 
     def of(self, gait: Gait) -> float:
-        key = key_of(gait)
-        return beta_mean(self._odds[key], WEIGHT, self._counted(self._won, key), self._counted(self._tried, key))
-
-    @staticmethod
-    def _counted(counts: Counter[Key], key: Key) -> float:
-        of_the_roll = sum(count for other, count in counts.items() if other[1:] == key[1:])
-        return counts[key] + SHARED * (of_the_roll - counts[key])
-
-
-class _Alike:
-    def of(self, _gait: Gait) -> float:
-        return EVERY_GAIT_ALIKE
+        return EVERY_GAIT_ALIKE * (1.0 - A_TRIFLE * self._tried[gait.primitive.name])
 
 
 class Journey:
@@ -84,9 +71,10 @@ class Journey:
 
     def __init__(self, floor: Floor, library: Library, odds: Odds | None, goal_m: tuple[float, float], rules: Rules):
         self._floor, self._library, self._goal_m, self._rules = floor, library, goal_m, rules
-        self._known = FaceGraph(library, odds)
-        self._tried: Counter[Key] = Counter()
-        self._won: Counter[Key] = Counter()
+        known = FaceGraph(library, odds)
+        before = {key_of(choice.gait): choice.odds for pair in PAIRS_BOTH_WAYS for choice in known.choices(*pair)}
+        self._experience = Experience(lambda gait: before[key_of(gait)])
+        self._tried: Counter[str] = Counter()
         self._graph = self._believed()
         self._vain = 0
         self._stance: Stance | None = None
@@ -117,11 +105,13 @@ class Journey:
         if self._vain >= MOST_MISSES:
             return End(False, f"gave up {left}: the last {self._vain} rolls missed their face or were refused as too unlikely")
         try:
-            way = self._floor.way(stance, self._goal_m, self._graph, self._rules.reach_m)
+            way = self._floor.way(stance, self._goal_m, self._graph, self._rules.reach_m, self._experience.lean)
         except SimError as error:
             return End(False, f"gave up {left}: {error}")
         if not way.choices:
             return End(False, f"gave up {left}: no sequence of rolls comes nearer")
+        if way.choices[0].odds < LEAST_ODDS:
+            return End(False, f"gave up {left}: after {self.missed} misses no roll is left that is likely to work")
         return Step(way.choices[0].gait, way)
 
     def rolled(self, step: Step, success: bool) -> None:
@@ -136,16 +126,14 @@ class Journey:
         self._learn(step, False)
 
     def _learn(self, step: Step, success: bool) -> None:
-        key = key_of(step.gait)
-        self._tried[key] += 1
-        self._won[key] += success
+        self._tried[step.gait.primitive.name] += 1
+        if self._rules.use_odds:
+            self._experience.add(step.gait, self._floor.heading_rad(step.way.stances[0], step.gait.target), success)
         self._vain = 0 if success else self._vain + 1
         self._graph = self._believed()
 
     def _believed(self) -> FaceGraph:
-        if not self._rules.use_odds:
-            return FaceGraph(self._library, _Alike())
-        return FaceGraph(self._library, _Experience(self._known, self._tried, self._won))
+        return FaceGraph(self._library, self._experience if self._rules.use_odds else _Alike(self._tried))
 
 
 def key_of(gait: Gait) -> Key:

@@ -27,9 +27,10 @@ INTRODUCTION = """\
 `./sixstrut travel 0.6,0.3` starts a stack and rolls the virtual prototype to a place on the floor. In a running stack the node
 `traveller` offers the action `travel` and listens to `goal_pose` (RViz's *2D Goal Pose*): it plans the likeliest sequence of rolls
 (A* over stances by −log odds and length, `sim_core/sim_core/floor.py`), asks the planner for the first one, looks where the robot
-rests, and plans anew. On hardware without an observer every roll waits for `set_face`. A gait that misses is believed less for the
-rest of the travel, and so, by half, are the other gaits of the same roll. It gives up with a reason: too many rolls, six misses in
-a row, no face, no way, or what planner or bridge refuse.
+rests, and plans anew. On hardware without an observer every roll waits for `set_face`. From its own rolls the traveller learns
+(`tensegrity_robot/experience.py`): a miss makes the gait less believed, its primitive and the roll's other gaits a little, and all
+rolls in that direction, as it is on a slope, so that the next way goes around. It gives up with a reason: too many rolls, no roll
+left that is likely to work, twenty misses in a row, no face, no way, or what planner or bridge refuse.
 """
 
 
@@ -147,7 +148,8 @@ def page_of(found: dict[Case, Trip], robot: VirtualRobot, command: str, picture:
         f"±{100 * robot.perturbation:g} % with {robot.actuators} actuators; every goal on level ground and on ground inclined by",
         f"{SLOPE_DEG:g}° in a direction drawn by the robot's seed, of which planner and traveller know nothing. Three travellers:",
         "as it is, with the library `robust`; with `improved`, whose gaits differ in reliability; and with `improved`, taking all",
-        f"its gaits for equally likely and learning nothing (`use_odds:=false`). {robot.time_scale:g} times real time.",
+        "its gaits for equally likely, taken in turn, and learning nothing (`use_odds:=false`).",
+        f"{robot.time_scale:g} times real time.",
         "",
         "| ground | traveller | arrived | rolls | missed | rolls of an arrival | rolling time of an arrival | path ratio |",
         "|---|---|--:|--:|--:|--:|--:|--:|",
