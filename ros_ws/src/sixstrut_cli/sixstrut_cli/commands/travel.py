@@ -94,8 +94,9 @@ def _study(goals: int, robot: VirtualRobot, folder: Path, page: Path | None) -> 
 
     robot.compile()
     cases = cases_of(goals, robot.seed)
-    with Console(stderr=True, highlight=False).status("starting") as status:
-        found = study(cases, robot, folder, status.update)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    with console.status("starting") as status:
+        found = study(cases, robot, folder, status.update, console.print)
     target = page or folder / "travel.md"
     images = target.parent / "images"
     images.mkdir(parents=True, exist_ok=True)

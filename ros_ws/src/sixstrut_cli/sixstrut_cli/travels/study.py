@@ -91,11 +91,13 @@ def read_trips(folder: Path) -> dict[Key, Trip]:
     return found
 
 
-def study(cases: Sequence[Case], robot: VirtualRobot, folder: Path, tell: Callable[[str], None]) -> dict[Case, Trip]:
+def study(
+    cases: Sequence[Case], robot: VirtualRobot, folder: Path, tell: Callable[[str], None], done: Callable[[str], None]
+) -> dict[Case, Trip]:
     """Make every trip that the folder does not hold yet, each with a stack of its own. Goes on where it was stopped.
 
     Args:
-        robot: its seed is that of the first goal. tell: told what goes on.
+        robot: its seed is that of the first goal. tell: told what goes on. done: told of each trip that is over.
 
     Raises:
         StackError, OSError.
@@ -113,6 +115,8 @@ def study(cases: Sequence[Case], robot: VirtualRobot, folder: Path, tell: Callab
                 trip = travel(own, case.goal_m, Path(links), lambda text, head=head: tell(head + text), use_odds=case.use_odds)  # type: ignore[misc]
             with (folder / TRIPS).open("a", encoding="utf-8") as file:
                 file.write(json.dumps({"number": case.number, **asdict(trip)}) + "\n")
+            end = "arrived" if trip.success else trip.reason
+            done(f"{head}{end}; {trip.rolls} rolls, {trip.missed} missed")
         found[case] = trip
     return found
 
