@@ -30,8 +30,9 @@ CELL_M, CELL_RAD = 0.01, math.radians(10.0)
 MOST_STANCES = 50_000
 TACKS = (1.0, 1.25, 1.5, 2.0, 3.0)
 """How much longer than straight a way uphill is thought of being."""
-LEVEL = (0.0, 0.0)
-"""The lean of level ground."""
+Lean = tuple[float, float]
+LEVEL: Mapping[str, Lean] = {"TC": (0.0, 0.0), "TO": (0.0, 0.0)}
+"""The leans of level ground."""
 
 
 class Stance(NamedTuple):
@@ -116,18 +117,15 @@ class Floor:
         goal_m: tuple[float, float],
         graph: FaceGraph,
         reach_m: float = REACH_M,
-        lean: tuple[float, float] = LEVEL,
+        leans: Mapping[str, Lean] = LEVEL,
     ) -> Way:
         """The likeliest rolls to within `reach_m` of a goal (A* over stances, by −log odds and length).
 
         If no stance is that near within MOST_STANCES looked at, the way to the nearest one.
 
         Args:
-            lean: logits by which a roll in the direction of x, and of y, is likelier than the graph has it: on a slope rolls
-                downhill are.
-
-        Raises:
-            LibraryError: the library has no gait from there.
+            leans: by the source's kind, TC or TO: logits by which a roll in the direction of x, and of y, is likelier than the
+                graph has it. On a slope rolls downhill are, and the two kinds differ in what they mind.
         """
         best = {pair: graph.choices(*pair)[:1] for pair in self._moves}
         surest = max((choice.odds for choices in best.values() for choice in choices), default=1.0)
@@ -138,7 +136,7 @@ class Floor:
                 return 0.0
             rolls = (left_m - reach_m) / self.longest_m
             x, y = (goal_m[0] - stance.x_m) / left_m, (goal_m[1] - stance.y_m) / left_m
-            return _least_cost(rolls, surest, lean[0] * x + lean[1] * y)
+            return min(_least_cost(rolls, surest, lean[0] * x + lean[1] * y) for lean in leans.values())
 
         nodes: list[tuple[Stance, int, Choice | None]] = [(start, -1, None)]
         costs = {_cell(start): 0.0}
@@ -155,6 +153,7 @@ class Floor:
                 nearest = number
             if stance.distance_m(goal_m) <= reach_m:
                 return self._way(nodes, number, goal_m, reach_m)
+            lean = leans[stance.face[:2]]
             for target in NEIGHBOURS[stance.face]:
                 for choice in best[stance.face, target]:
                     if choice.odds <= 0.0:

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from sim_core.floor import LEVEL
 from sim_core.library import gait_of, load_library
 from sim_core.symmetry import TC_TO
 from tensegrity_robot.experience import MOST_SURE, SPREAD_LEAN, Experience
@@ -24,7 +25,7 @@ def experience():
 
 def test_before_any_roll_it_is_what_was_known_but_never_quite_sure(experience):
     assert experience.of(GAIT) == pytest.approx(LIKELY)
-    assert experience.lean == (0.0, 0.0)
+    assert experience.leans == LEVEL
     assert Experience(lambda gait: 1.0).of(GAIT) == pytest.approx(MOST_SURE)
     assert Experience(lambda gait: 0.0).of(GAIT) == pytest.approx(1.0 - MOST_SURE)
 
@@ -41,7 +42,7 @@ def test_misses_one_way_and_rolls_the_other_way_are_a_slope_and_not_the_gaits(ex
         for gait in (GAIT, SAME_ROLL, SAME_PRIMITIVE, UNRELATED):
             experience.add(gait, NORTH, False)
             experience.add(gait, SOUTH, True)
-    x, y = experience.lean
+    x, y = experience.leans["TC"]
     assert y < -2.0
     assert abs(x) < 0.1
     odds = experience.of(GAIT)
@@ -61,7 +62,7 @@ def test_the_order_of_rolls_does_not_matter():
         one = Experience(lambda gait: LIKELY)
         for roll in order:
             one.add(*roll)
-        found.append([*one.lean, *(one.of(gait) for gait, _, _ in rolls)])
+        found.append([*one.leans["TC"], *one.leans["TO"], *(one.of(gait) for gait, _, _ in rolls)])
     assert np.allclose(*found, atol=1e-6)
 
 
@@ -69,5 +70,5 @@ def test_the_mode_is_the_posteriors_maximum():
     """One gait, one roll: against the closed form's own condition, effect/σ² = won − p."""
     one = Experience(lambda gait: LIKELY)
     one.add(GAIT, NORTH, False)
-    p = 1.0 / (1.0 + math.exp(-math.log(one.of(GAIT) / (1.0 - one.of(GAIT))) - one.lean[1]))
-    assert one.lean[1] / SPREAD_LEAN**2 == pytest.approx(0.0 - p, abs=1e-6)
+    p = 1.0 / (1.0 + math.exp(-math.log(one.of(GAIT) / (1.0 - one.of(GAIT))) - one.leans["TC"][1]))
+    assert one.leans["TC"][1] / SPREAD_LEAN**2 == pytest.approx(0.0 - p, abs=1e-6)

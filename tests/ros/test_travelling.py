@@ -98,7 +98,7 @@ def test_on_a_slope_it_arrives_for_all_its_misses_and_learns_where_downhill_is(f
     end, _, _ = travelled(floor, trip, START, works)
     assert end.success, end.reason
     assert trip.missed >= 6
-    assert trip._experience.lean[0] < -1.0
+    assert trip._experience.leans["TC"][0] < -1.0
 
 
 def test_it_gives_up_after_the_rolls_that_were_asked_for(floor, library):

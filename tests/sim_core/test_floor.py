@@ -95,9 +95,9 @@ def test_a_lean_makes_rolls_down_it_likelier_and_rolls_up_it_less_so(floor):
     graph = FaceGraph(library, load_odds(library))
     start = Stance("TC6", 0.0, 0.0, 0.0)
     level = floor.way(start, (0.0, 1.0), graph)
-    same = floor.way(start, (0.0, 1.0), graph, lean=(0.0, 0.0))
+    same = floor.way(start, (0.0, 1.0), graph, leans={"TC": (0.0, 0.0), "TO": (0.0, 0.0)})
     assert same == level
-    down, up = (floor.way(start, (0.0, 1.0), graph, lean=(0.0, y)) for y in (3.0, -3.0))
+    down, up = (floor.way(start, (0.0, 1.0), graph, leans={"TC": (0.0, y), "TO": (0.0, y)}) for y in (3.0, -3.0))
     assert down.odds >= level.odds > up.odds
     assert level.reaches
     assert up.reaches
@@ -116,9 +116,9 @@ def test_looking_ahead_changes_how_long_it_takes_and_not_the_way(floor, monkeypa
     library = load_library("improved")
     graph = FaceGraph(library, load_odds(library))
     start, goal = Stance("TC6", 0.0, 0.0, 0.0), (0.2, 0.1)
-    quick = floor.way(start, goal, graph, lean=lean)
+    quick = floor.way(start, goal, graph, leans={"TC": lean, "TO": (0.0, 0.0)})
     monkeypatch.setattr("sim_core.floor._least_cost", lambda *_: 0.0)
-    slow = floor.way(start, goal, graph, lean=lean)
+    slow = floor.way(start, goal, graph, leans={"TC": lean, "TO": (0.0, 0.0)})
     assert quick.reaches
     cost, least = (ROLL_COST * len(way.choices) - math.log(way.odds) for way in (quick, slow))
     assert cost == pytest.approx(least, rel=0.02)

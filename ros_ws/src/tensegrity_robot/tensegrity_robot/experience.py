@@ -2,9 +2,10 @@
 
 A mixed logistic regression, fitted anew after every roll (its posterior mode; Breslow and Clayton 1993):
 
-    logit p = logit(odds known before) + a + b_primitive + c_roll + d_gait + lean · u
+    logit p = logit(odds known before) + a + b_primitive + c_roll + d_gait + lean_kind · u
 
-u is the unit vector, on the floor, of the roll's heading. So one miss uphill makes all rolls uphill less believed, and one of a
+u is the unit vector, on the floor, of the roll's heading; kind is the source's: on a slope rolls from closed triangles (TC)
+fail uphill where rolls from open ones (TO) still work. So one miss uphill makes all such rolls uphill less believed, and one of a
 poor gait that gait most, then its primitive's other gaits, then the other gaits of the same roll. The effects are normal about 0.
 """
 
@@ -16,6 +17,7 @@ from collections.abc import Callable
 import numpy as np
 
 from sim_core.elements import Array
+from sim_core.floor import LEVEL, Lean
 from sim_core.library import Gait
 
 SPREAD_LEAN, SPREAD_ALL, SPREAD_PRIMITIVE, SPREAD_ROLL, SPREAD_GAIT = 4.0, 0.7, 1.0, 0.7, 1.5
@@ -25,6 +27,7 @@ MOST_SURE = 0.98
 ITERATIONS = 30
 STEP = 4.0
 """Longest Newton step, in logits."""
+KINDS = tuple(LEVEL)
 Name = tuple[str, ...]
 
 
@@ -32,7 +35,7 @@ class Experience:
     """Rolls of one travel.
 
     Attributes:
-        lean: (2,) logits that a heading's unit vector is worth: it points where rolls work better (downhill).
+        leans: by the source's kind, (2,) logits that a heading's unit vector is worth: it points where rolls work better.
     """
 
     def __init__(self, known: Callable[[Gait], float]):
@@ -40,7 +43,7 @@ class Experience:
         self._known = known
         self._effects: dict[Name, float] = {}
         self._rolls: list[tuple[Gait, float, bool]] = []
-        self.lean = (0.0, 0.0)
+        self.leans: dict[str, Lean] = dict(LEVEL)
 
     def add(self, gait: Gait, heading_rad: float, success: bool) -> None:
         """A roll was made, or refused."""
@@ -56,16 +59,17 @@ class Experience:
         for gait, _, _ in self._rolls:
             for name in _names(gait):
                 places.setdefault(name, len(places))
-        design = np.zeros((len(self._rolls), 2 + len(places)))
+        design = np.zeros((len(self._rolls), 4 + len(places)))
         for row, (gait, heading, _) in zip(design, self._rolls, strict=True):
-            row[:2] = math.cos(heading), math.sin(heading)
-            row[[2 + places[name] for name in _names(gait)]] = 1.0
+            first = 2 * KINDS.index(gait.source[:2])
+            row[first : first + 2] = math.cos(heading), math.sin(heading)
+            row[[4 + places[name] for name in _names(gait)]] = 1.0
         offset = np.array([_logit(self._known(gait)) for gait, _, _ in self._rolls])
         won = np.array([success for _, _, success in self._rolls], dtype=float)
-        spread = np.array([SPREAD_LEAN, SPREAD_LEAN, *(_SPREADS[name[0]] for name in places)])
+        spread = np.array([*4 * [SPREAD_LEAN], *(_SPREADS[name[0]] for name in places)])
         mode = _mode(design, offset, won, spread)
-        self.lean = (float(mode[0]), float(mode[1]))
-        self._effects = {name: float(mode[2 + place]) for name, place in places.items()}
+        self.leans = {kind: (float(mode[2 * k]), float(mode[2 * k + 1])) for k, kind in enumerate(KINDS)}
+        self._effects = {name: float(mode[4 + place]) for name, place in places.items()}
 
 
 _SPREADS = {"all": SPREAD_ALL, "primitive": SPREAD_PRIMITIVE, "roll": SPREAD_ROLL, "gait": SPREAD_GAIT}

@@ -105,7 +105,7 @@ class Journey:
         if self._vain >= MOST_MISSES:
             return End(False, f"gave up {left}: the last {self._vain} rolls missed their face or were refused as too unlikely")
         try:
-            way = self._floor.way(stance, self._goal_m, self._graph, self._rules.reach_m, self._experience.lean)
+            way = self._floor.way(stance, self._goal_m, self._graph, self._rules.reach_m, self._experience.leans)
         except SimError as error:
             return End(False, f"gave up {left}: {error}")
         if not way.choices:
