@@ -126,6 +126,9 @@ class Floor:
         Args:
             leans: by the source's kind, TC or TO: logits by which a roll in the direction of x, and of y, is likelier than the
                 graph has it. On a slope rolls downhill are, and the two kinds differ in what they mind.
+
+        Raises:
+            LibraryError: the library has no gait from there.
         """
         best = {pair: graph.choices(*pair)[:1] for pair in self._moves}
         surest = max((choice.odds for choices in best.values() for choice in choices), default=1.0)

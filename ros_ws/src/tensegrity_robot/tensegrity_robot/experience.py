@@ -15,6 +15,7 @@ import math
 from collections.abc import Callable
 
 import numpy as np
+from scipy.special import expit, logit
 
 from sim_core.elements import Array
 from sim_core.floor import LEVEL, Lean
@@ -52,7 +53,7 @@ class Experience:
 
     def of(self, gait: Gait) -> float:
         """Odds of a gait on level ground, by what is known now."""
-        return _expit(_logit(self._known(gait)) + sum(self._effects.get(name, 0.0) for name in _names(gait)))
+        return float(expit(_logit(self._known(gait)) + sum(self._effects.get(name, 0.0) for name in _names(gait))))
 
     def _fit(self) -> None:
         places: dict[Name, int] = {}
@@ -85,7 +86,7 @@ def _mode(design: Array, offset: Array, won: Array, spread: Array) -> Array:
     """Posterior mode of the effects by Newton's method; the posterior is log-concave."""
     effects = np.zeros(len(spread))
     for _ in range(ITERATIONS):
-        odds = 1.0 / (1.0 + np.exp(-(offset + design @ effects)))
+        odds = expit(offset + design @ effects)
         slope = design.T @ (won - odds) - effects / spread**2
         bend = (design.T * (odds * (1.0 - odds))) @ design + np.diag(spread**-2.0)
         step = np.linalg.solve(bend, slope)
@@ -97,9 +98,4 @@ def _mode(design: Array, offset: Array, won: Array, spread: Array) -> Array:
 
 
 def _logit(odds: float) -> float:
-    sure = min(MOST_SURE, max(1.0 - MOST_SURE, odds))
-    return math.log(sure / (1.0 - sure))
-
-
-def _expit(logit: float) -> float:
-    return 1.0 / (1.0 + math.exp(-logit))
+    return float(logit(min(MOST_SURE, max(1.0 - MOST_SURE, odds))))
