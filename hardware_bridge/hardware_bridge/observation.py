@@ -22,6 +22,8 @@ class Observation:
         settled: All joints have been slower than the rest speed for 0.2 s.
         joints_m: Shape (12, 3), in [m].
         box_m: Shape (3,), in [m].
+        late_s: How late at worst, in robot time, a virtual prototype on a busy computer took its bytes since the observation
+            before; 0 of any other observer.
     """
 
     robot_time_ns: int
@@ -30,6 +32,7 @@ class Observation:
     settled: bool
     joints_m: NDArray[np.float64]
     box_m: NDArray[np.float64]
+    late_s: float = 0.0
 
 
 def encode_observation(observation: Observation) -> bytes:
@@ -41,6 +44,7 @@ def encode_observation(observation: Observation) -> bytes:
         "settled": observation.settled,
         "nodes_m": observation.joints_m.tolist(),
         "box_m": observation.box_m.tolist(),
+        "late_s": round(observation.late_s, 6),
     }
     return json.dumps(data, separators=(",", ":")).encode() + b"\n"
 
@@ -59,6 +63,7 @@ def decode_observation(line: bytes) -> Observation:
             raise ValueError(f"nodes have shape {joints_m.shape}, valid is (12, 3)")
         face = None if data["face"] is None else str(data["face"])
         detail, settled = str(data.get("detail", "")), bool(data["settled"])
-        return Observation(int(data["robot_time_ns"]), face, detail, settled, joints_m, box_m)
+        late_s = float(data.get("late_s", 0.0))
+        return Observation(int(data["robot_time_ns"]), face, detail, settled, joints_m, box_m, late_s)
     except (ValueError, KeyError, TypeError) as error:
         raise ObserverError(f"a line is no observation ({error}); is it the observer's socket?") from error

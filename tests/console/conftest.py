@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from tests.ros.conftest import domain, module_processes, operator, processes
+from tests.ros.conftest import compiled, domain, module_processes, operator, processes
 
-__all__ = ["domain", "module_processes", "operator", "processes"]
+__all__ = ["compiled", "domain", "module_processes", "operator", "processes"]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 FLAGS = [
     "--no-sandbox", "--disable-quic", "--no-first-run", "--disable-background-networking", "--disable-component-update",

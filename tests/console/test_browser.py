@@ -16,7 +16,7 @@ from tensegrity_interfaces.msg import BridgeState
 
 pytestmark = pytest.mark.ros
 SIZE = {"width": 1280, "height": 800}
-LIMIT_MS = 40_000
+LIMIT_MS = 90_000
 PICTURES = os.environ.get("SIXSTRUT_PICTURES", "")
 """A folder: pictures for the documents are written there."""
 
@@ -77,7 +77,7 @@ class Stage:
 def stage(module_processes, chromium, domain):
     from sixstrut_cli.faults.client import Operator
 
-    prototype = module_processes.start("virtual_prototype", "--time-scale", "8", "--perturbation", "0", "--actuators", "ideal")
+    prototype = module_processes.start("virtual_prototype", "--time-scale", "4", "--perturbation", "0", "--actuators", "ideal")
     module_processes.start("twin")
     module_processes.start("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
     module_processes.start("traveller")

@@ -6,10 +6,12 @@ import pytest
 
 from sixstrut_cli.trials.ledger import Ledger
 from tests.sixstrut_cli.terminal import Terminal
-from tests.sixstrut_cli.trials.test_trial import PLAN, VIRTUAL
+from tests.sixstrut_cli.trials.test_trial import PLAN
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(500)]
 LIMIT_MS = 20_000
+VIRTUAL = ("--virtual", "--time-scale", "3")
+"""Slowly: the browser draws in software, and a prototype whose orders come late makes a trial void."""
 
 
 def test_a_person_judges_in_the_browser(tmp_path, domain, processes, chromium):

@@ -17,8 +17,18 @@ def domain() -> Iterator[int]:
         yield number
 
 
+@pytest.fixture(scope="session")
+def compiled() -> None:
+    """The solver is compiled: no process compiles it beside a running stack, while others wait for its answers."""
+    from sim_core.warm_up import Stage, is_warm, warm_up
+
+    stages = (Stage.ROBOT, Stage.BATCH)
+    if not is_warm(stages):
+        warm_up(stages)
+
+
 @pytest.fixture(scope="module")
-def module_processes(tmp_path_factory: pytest.TempPathFactory, domain: int):
+def module_processes(tmp_path_factory: pytest.TempPathFactory, domain: int, compiled: None):
     """Processes that live as long as the module's tests."""
     from sixstrut_cli.faults.processes import Processes
 
@@ -28,7 +38,7 @@ def module_processes(tmp_path_factory: pytest.TempPathFactory, domain: int):
 
 
 @pytest.fixture
-def processes(tmp_path: Path, domain: int):
+def processes(tmp_path: Path, domain: int, compiled: None):
     """Processes of one test."""
     from sixstrut_cli.faults.processes import Processes
 

@@ -7,6 +7,7 @@ import os
 import secrets
 import select
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,7 @@ CHUNK_S = 0.1
 """The most robot time that the body catches up with before the port is served again."""
 
 _MOST_WAITING_BYTES = 256
+_WAIT_S = 0.02
 _LAG_S = 2.0
 
 
@@ -39,7 +41,8 @@ class VirtualPrototype:
     """A robot behind ``link``, alive from construction to ``close``.
 
     The serial side keeps up with the clock; the body may fall behind (a slow computer, a stall) and then catches up in
-    chunks, obeying each order at the robot time at which the board got it.
+    chunks, obeying each order at the robot time at which the board got it. So a body that is behind falsifies nothing. Bytes
+    that are taken late do: the computer had no time for this process; observations tell (``late_s``).
 
     Args:
         link: Where the pty is linked; see ``virtual_port`` for the files beside it.
@@ -71,6 +74,7 @@ class VirtualPrototype:
             self._observer = Observer(observer_path(link))
             self._faults = Faults(faults_path(link), self._port, self._board)
             self._clock = RobotClock(time_scale)
+            self._served_s = self._now_s()
             instance, observer = secrets.token_hex(8), str(self._observer.path)
             handshake = Handshake(os.getpid(), instance, self._port.device, time_scale, observer, self._board.spec)
             self._port.announce(handshake)
@@ -78,6 +82,7 @@ class VirtualPrototype:
             self._port.close()
             raise
         self._observe_s = 0.0
+        self._late_s = 0.0
         self._lag_told = False
 
     def run(self, ended: Callable[[], bool]) -> None:
@@ -90,10 +95,13 @@ class VirtualPrototype:
         slack_s = (self._body.time_s + SLICE_S - self._now_s()) / self._time_scale
         full = self._board.waiting_bytes >= _MOST_WAITING_BYTES
         readers: list[PseudoPort | Observer | Faults] = [self._observer, self._faults, *([] if full else [self._port])]
-        readable, _, _ = select.select(readers, [], [], min(max(slack_s, 0.0), 0.02))
+        wait_s = min(max(slack_s, 0.0), _WAIT_S)
+        due_s = self._served_s + wait_s * self._time_scale
+        readable, _, _ = select.select(readers, [], [], wait_s)
         if self._observer in readable:
             self._observer.accept()
         now_s = self._now_s()
+        self._late_s, self._served_s = max(self._late_s, now_s - due_s), now_s
         if self._faults in readable:
             self._faults.attend(now_s)
         if self._port in readable:
@@ -144,7 +152,8 @@ class VirtualPrototype:
             self._body.advance_to(time_s + 1e-9)
             if self._body.time_s >= self._observe_s:
                 self._observe_s += PERIOD_S
-                self._observer.tell(self._body.observe())
+                self._observer.tell(replace(self._body.observe(), late_s=self._late_s))
+                self._late_s = 0.0
             if self._body.time_s <= before_s:
                 return
 

@@ -156,6 +156,23 @@ def test_a_body_that_falls_behind_says_so_once_each_time(tmp_path: Path, caplog:
     assert [record.args for record in caplog.records] == [(3.0,), (2.5,)]
 
 
+def test_observations_tell_how_late_orders_were_taken(tmp_path: Path) -> None:
+    prototype = VirtualPrototype(tmp_path / "prototype", StillBody(), load_calibration(), time_scale=50.0)
+    seen: list[Observation] = []
+    with contextlib.closing(prototype):
+        client = ObserverClient(str(observer_path(tmp_path / "prototype")), seen.append)
+        with contextlib.closing(client):
+
+            def told() -> list[float]:
+                prototype.turn()
+                return [observation.late_s for observation in seen]
+
+            wait_for(told, "the first observation")
+            prototype._served_s -= 7.0  # as if the computer had had no time for it since then
+            wait_for(lambda: max(told()) > 7.0, "an observation that tells of it")
+            wait_for(lambda: told()[-1] < 7.0, "those after it, which do not")
+
+
 def test_the_board_tells_the_sagging_supply_and_resets_when_it_breaks_down(
     start_prototype: Callable, make_bridge: Make, caplog: pytest.LogCaptureFixture
 ) -> None:

@@ -20,7 +20,7 @@ SMALL = ("--primitives", "1,21", "--gaits", "reference", "--prototypes", "1", "-
 def test_a_tiny_campaign_computes_runs_a_sample_on_the_stack_and_reports(tmp_path):
     folder, page = tmp_path / "campaign", tmp_path / "docs" / "campaign.md"
     words = ["campaign", str(folder), *SMALL, "--libraries", "robust,improved,unheard", "--sample", "1", "--page", str(page)]
-    done = sixstrut(*words, "--time-scale", "16", limit_s=220)
+    done = sixstrut(*words, "--time-scale", "8", limit_s=220)
     assert done.returncode == 0, done.stderr
     assert "library unheard is not shipped: skipped" in done.stderr
     assert "1 of 1 trials agree" in done.stdout

@@ -26,7 +26,7 @@ class Imagined:
     """
 
     def __init__(self, behave=None):
-        self.face, self.starts, self.rolls, self.bag, self.problem = "", [], [], [], ""
+        self.face, self.starts, self.rolls, self.bag, self.problem, self.late = "", [], [], [], "", False
         self._behave = behave
         self.rested_s = []
         bridge = SimpleNamespace(
@@ -64,6 +64,10 @@ class Imagined:
         pass
 
     disarm = wait_for_growing_log = lambda self: None
+
+    def slow_down(self):
+        was, self.late = self.late, False
+        return was
 
     def roll(self, source, target, primitive, tell, watch):
         assert source == self.face, "a roll begins where the robot is"
@@ -140,6 +144,18 @@ def test_what_only_ever_fails_to_run_ends_with_its_reason(session):
     lab = Imagined(lambda lab, number, source, target: missed(lab, number, source, target, source, completed=False))
     with pytest.raises(SessionError, match=f"{VOIDS_ALLOWED} trials in a row are void, the last because: it stands on TC6"):
         session(planned("1", "reference"), lab).run()
+
+
+def test_orders_that_came_too_late_are_void_and_the_same_robot_goes_on_more_slowly(session):
+    def behave(lab, number, source, target):
+        lab.late = number < VOIDS_ALLOWED
+        return missed(lab, number, source, target, source, completed=False) if lab.late else None
+
+    lab = Imagined(behave)
+    standing = session(planned("1", "reference"), lab).run()
+    outcomes = [line.outcome for line in standing.trials.values()]
+    assert outcomes == ["void"] * VOIDS_ALLOWED + ["success"], "slower each time: nothing that more trials would not mend"
+    assert len(lab.starts) == 1 + VOIDS_ALLOWED
 
 
 def test_a_stack_that_dies_makes_a_void_trial_is_started_anew_and_its_record_is_in_the_next_bag(session):

@@ -15,15 +15,13 @@ from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.virtual_port import read_handshake
 from sim_core.parameters import load_prototype
 from sim_core.policy import neutral_lengths
-from sixstrut_cli.lateness import Lateness
+from sixstrut_cli.lateness import LateOrders
 from sixstrut_cli.pictures import observed_path
 from sixstrut_cli.stack import Stack, Uninterrupted
 from sixstrut_cli.virtual_stack import VirtualRobot, own_domain
 
 ROLL_LIMIT_S, REST_LIMIT_S = 60.0, 1_300.0
 """Robot time that a roll may take, and all resting."""
-LATE_S = 1.0
-"""A virtual prototype that was later than this (s of robot time) may have been judged by what was over."""
 POINTS = 200
 """Of a path that is kept."""
 
@@ -34,7 +32,7 @@ class Trip:
 
     Attributes:
         goal_m: place. library: name. use_odds: reliable gaits were preferred.
-        late_s: how late the virtual prototype was at worst (s of robot time).
+        late_s: how late the virtual prototype took its orders at worst (s of robot time). time_scale: robot seconds per second.
         path_m: how far its centre went from rest to rest. places_m: where that was seen, (n, 2).
         seed, incline_deg, perturbation: of the robot. bag: file.
     """
@@ -55,6 +53,7 @@ class Trip:
     robot_s: float
     faces: tuple[str, ...]
     late_s: float
+    time_scale: float
     places_m: tuple[tuple[float, float], ...]
     bag: str
 
@@ -86,14 +85,14 @@ def travel(
     robot.bags.mkdir(parents=True, exist_ok=True)
     own_domain()
     stack = Stack(robot.bags / "logs" / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}")
-    lateness = Lateness(robot.time_scale)
+    late = LateOrders()
     try:
         tell("starting virtual prototype, bridge, planner, traveller and twin")
         robot.start(stack, folder, travels=True, planner=[("use_odds", use_odds)])
         handshake = read_handshake(str(folder / "prototype"))
         assert handshake is not None, "a virtual prototype has one"
-        with closing(ObserverClient(handshake.observer, lambda seen: lateness.saw(seen.robot_time_ns))):
-            result, bag = _operate(stack, robot, goal_m, reach_m, most_rolls, tell)
+        with closing(ObserverClient(handshake.observer, late.saw)):
+            result, bag = _operate(stack, robot, late, goal_m, reach_m, most_rolls, tell)
     finally:
         with Uninterrupted():
             stack.stop()
@@ -113,14 +112,21 @@ def travel(
         float(result.straight_m),
         float(result.duration_s),
         tuple(result.face_sequence),
-        lateness.worst_s * robot.time_scale,
+        late.worst_s,
+        robot.time_scale,
         _places(bag),
         bag,
     )
 
 
 def _operate(
-    stack: Stack, robot: VirtualRobot, goal_m: tuple[float, float], reach_m: float, most_rolls: int, tell: Callable[[str], None]
+    stack: Stack,
+    robot: VirtualRobot,
+    late: LateOrders,
+    goal_m: tuple[float, float],
+    reach_m: float,
+    most_rolls: int,
+    tell: Callable[[str], None],
 ) -> tuple[Any, str]:
     from sixstrut_cli.operator_client import Operator  # rclpy: only once the processes are on their way
 
@@ -135,6 +141,7 @@ def _operate(
             tell(f"roll {feedback.rolls + 1}: {feedback.phase}; {where}, {100 * feedback.left_m:.0f} cm from the goal")
 
         limit_s = 120.0 + ((most_rolls or 60) * ROLL_LIMIT_S + REST_LIMIT_S) / robot.time_scale
+        late.forget()  # while the stack starts, a computer is always busy
         result = operator.travel(goal_m, reach_m, most_rolls, show, limit_s)
         bag = str(operator.bridge.bag)
         operator.disarm()

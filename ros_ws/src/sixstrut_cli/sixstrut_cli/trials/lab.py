@@ -10,7 +10,7 @@ import tempfile
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -19,7 +19,7 @@ from hardware_bridge.virtual_port import read_handshake
 from sim_core.parameters import load_prototype
 from sim_core.policy import neutral_lengths
 from sixstrut_cli.errors import SessionError, StackError
-from sixstrut_cli.lateness import Lateness
+from sixstrut_cli.lateness import LateOrders
 from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
 from sixstrut_cli.trials.folder import LIBRARY, LOGS, SessionFolder
 from sixstrut_cli.trials.message import message_of
@@ -29,10 +29,6 @@ ROLL_LIMIT_S = 150.0
 """Robot time that one roll may take, all motions and all settlings."""
 CALM_LIMIT_S = 60.0
 """Robot time within which the robot is seen at rest."""
-LATE_S = 1.0
-"""A virtual prototype that was later than this (s of robot time) during a roll may have been judged by what was over."""
-CATCH_UP_S = 10.0
-"""Wall time that it gets to be on time again."""
 SILENT_S = 3.0
 FREE_BYTES = 200_000_000
 """Room on the disk without which no trial begins."""
@@ -77,7 +73,8 @@ class Lab:
         self._stack: Stack | None = None
         self._links: Path | None = None
         self._neutral_m = neutral_lengths(load_prototype()).tolist()
-        self._lateness: Lateness | None = None
+        self._late = LateOrders()
+        self._too_late = ""
         self._eye: ObserverClient | None = None
         self.operator: Any = None
         self.starts = 0
@@ -120,8 +117,7 @@ class Lab:
             raise SessionError(f"port {port} is {kind}, but session {settings.name} is not: begin another session for it")
         handshake = read_handshake(str(port))
         if handshake is not None:
-            self._lateness = lateness = Lateness(handshake.time_scale)
-            self._eye = ObserverClient(handshake.observer, lambda observation: lateness.saw(observation.robot_time_ns))
+            self._eye = ObserverClient(handshake.observer, self._late.saw)
 
     def _start_prototype(self, stack: Stack, face: str) -> str:
         settings = self._session.settings
@@ -143,7 +139,7 @@ class Lab:
 
     def stop(self) -> dict[str, int]:
         """End client and processes in order; exit codes by name. Safe to call twice."""
-        eye, self._eye, self._lateness = self._eye, None, None
+        eye, self._eye = self._eye, None
         if eye is not None:
             eye.close()
         operator, self.operator = self.operator, None
@@ -248,24 +244,18 @@ class Lab:
 
         wait_until(rested, 30.0 + 700.0 / self.scale, "the actuators' rest", self._stack)
 
-    def _late(self) -> str:
-        """Why a virtual prototype cannot be believed, when it is on time again, or stays late; empty: it can."""
-        lateness = self._lateness
-        if lateness is None or lateness.worst_s * self.scale <= LATE_S:
-            return ""
-        worst_s = lateness.worst_s * self.scale
-        with suppress(StackError):
-            wait_until(lambda: lateness.late_s * self.scale < LATE_S, CATCH_UP_S, "a prototype that is on time", self._stack)
-            self.wait_for_rest()
-        return (
-            f"the virtual prototype was {worst_s:.1f} s of robot time late: this computer is too busy for --time-scale "
-            f"{self.scale:g}; lower it"
-        )
+    def slow_down(self) -> bool:
+        """At half the time scale from the next start on, if the last roll's orders came too late; False: no need, or no way."""
+        hardware = self._hardware
+        if not self._too_late or hardware.port or hardware.time_scale <= 1.0:
+            return False
+        self._hardware = replace(hardware, time_scale=max(1.0, hardware.time_scale / 2.0))
+        return True
 
     def roll(self, source: str, target: str, primitive: str, tell: Callable[[Any], None], watch: Callable[[], None]) -> Rolled:
         """One roll and the return. Raises StackError; what `watch` raises, with the struts held.
 
-        A roll during which a virtual prototype was late is none: its computer was too busy to tell how it ended.
+        A roll during which a virtual prototype took its orders too late is none: it was not the roll that was asked for.
         """
         before = self.operator.bridge.write_errors
         complaints: list[str] = []
@@ -276,14 +266,16 @@ class Lab:
                 complaints.append(bridge.reason)
             watch()
 
-        if self._lateness is not None:
-            self._lateness.forget()
+        self._late.forget()
         limit_s = 30.0 + ROLL_LIMIT_S / self.scale
         result = self.operator.roll(target, tell, limit_s, source=source, primitive=primitive, watch=look)
         errors = self.operator.bridge.write_errors - before
         if errors:
             complaints.append(f"{errors} write errors")
-        late = self._late()
+        late = self._too_late = self._late.too_late(self.scale)
+        if late:
+            with suppress(StackError):
+                self.wait_for_rest()
         return Rolled(
             bool(result.success) and not late,
             bool(result.completed) and not late,

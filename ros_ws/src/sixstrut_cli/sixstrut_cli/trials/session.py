@@ -80,7 +80,12 @@ class Session:
                 self._panel.show(phase="going where the next trial begins")
                 self._hands.place(self._lab, due, self._watch)
                 continue
-            voids = voids + 1 if self._trial(slot) is Outcome.VOID else 0
+            outcome = self._trial(slot)
+            if outcome is Outcome.VOID and self._lab.slow_down():
+                self._panel.line("going on with half the time scale")
+                self._hands.recover(self._lab, due, self._ledger.lines[-1].reason)
+                continue
+            voids = voids + 1 if outcome is Outcome.VOID else 0
             if voids == VOIDS_ALLOWED:
                 last = self._ledger.lines[-1].reason
                 raise SessionError(
