@@ -16,7 +16,7 @@ from tensegrity_robot.experience import Experience
 Key = tuple[str, str, str]
 """Primitive, source, target."""
 PAIRS_BOTH_WAYS = tuple((source, target) for source, targets in NEIGHBOURS.items() for target in targets)
-MOST_MISSES = 20
+MOST_MISSES = 10
 """So many rolls in a row that end elsewhere are enough."""
 LEAST_ODDS = 0.01
 """A roll that is believed less than this is not worth the actuators' wear."""

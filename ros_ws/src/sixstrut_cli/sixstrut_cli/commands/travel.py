@@ -89,23 +89,35 @@ def command(
 def _study(goals: int, robot: VirtualRobot, folder: Path, page: Path | None) -> None:
     from rich.console import Console
 
-    from sixstrut_cli.travels.picture import study_picture
-    from sixstrut_cli.travels.study import cases_of, groups_of, page_of, study, words_of
+    from sixstrut_cli.travels.study import cases_of, read_trips, study
 
     robot.compile()
     cases = cases_of(goals, robot.seed)
     console = Console(stderr=True, highlight=False, soft_wrap=True)
-    with console.status("starting") as status:
-        found = study(cases, robot, folder, status.update, console.print)
+    try:
+        with console.status("starting") as status:
+            study(cases, robot, folder, status.update, console.print)
+    finally:  # a page of what there is, also if it is ended early
+        known = read_trips(folder)
+        found = {case: known[case.key] for case in cases if case.key in known}
+        if found:
+            _write(cases, found, robot, folder, page)
+
+
+def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, folder: Path, page: Path | None) -> None:
+    from sixstrut_cli.travels.picture import study_picture
+    from sixstrut_cli.travels.study import groups_of, page_of, words_of
+
     target = page or folder / "travel.md"
     images = target.parent / "images"
     images.mkdir(parents=True, exist_ok=True)
     groups = groups_of(cases)
     panels = [(", ".join(words_of(group)), [trip for case, trip in found.items() if case.group == group]) for group in groups]
     study_picture(panels, images / "travel.png")
+    goals = max(case.number for case in cases)
     chosen = f"--study {goals} --seed {robot.seed} --time-scale {robot.time_scale:g}"
     command = f"./sixstrut travel {chosen} -o {folder} --page {target}"
-    text = page_of(found, robot, command, "images/travel.png")
+    text = page_of(found, len(cases) - len(found), robot, command, "images/travel.png")
     target.write_text(text, encoding="utf-8")
     typer.echo(text)
     typer.echo(f"wrote {target} and {images / 'travel.png'}")

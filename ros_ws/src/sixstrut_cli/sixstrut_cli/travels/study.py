@@ -31,7 +31,7 @@ INTRODUCTION = """\
 rests, and plans anew. On hardware without an observer every roll waits for `set_face`. From its own rolls the traveller learns
 (`tensegrity_robot/experience.py`): a miss makes the gait less believed, its primitive and the roll's other gaits a little, and all
 rolls in that direction, as it is on a slope, so that the next way goes around. It gives up with a reason: too many rolls, no roll
-left that is likely to work, twenty misses in a row, no face, no way, or what planner or bridge refuse.
+left that is likely to work, ten misses in a row, no face, no way, or what planner or bridge refuse.
 """
 
 
@@ -56,11 +56,21 @@ class Case:
 
 
 def cases_of(goals: int, seed: int, distance_m: float = DISTANCE_M, slope_deg: float = SLOPE_DEG) -> list[Case]:
-    """Every goal on both floors with every traveller; directions drawn by the seed. The robot of a goal is always the same."""
+    """Every goal on both floors with every traveller; directions drawn by the seed. The robot of a goal is always the same.
+
+    What is compared comes together, so that a study that is ended early has something to compare.
+    """
     angles = np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi, goals)
     places = [(round(distance_m * math.cos(a), 3), round(distance_m * math.sin(a), 3)) for a in angles]
     floors = (0.0, slope_deg)
-    return [Case(n, place, deg, *who) for n, place in enumerate(places, 1) for deg in floors for who in TRAVELLERS]
+    return [
+        Case(n, place, deg, *who)
+        for library in dict.fromkeys(name for name, _ in TRAVELLERS)
+        for deg in floors
+        for n, place in enumerate(places, 1)
+        for who in TRAVELLERS
+        if who[0] == library
+    ]
 
 
 def groups_of(cases: Iterable[Case]) -> list[tuple[float, str, bool]]:
@@ -94,7 +104,7 @@ def read_trips(folder: Path) -> dict[Key, Trip]:
 
 def study(
     cases: Sequence[Case], robot: VirtualRobot, folder: Path, tell: Callable[[str], None], done: Callable[[str], None]
-) -> dict[Case, Trip]:
+) -> None:
     """Make every trip that the folder does not hold yet, each with a stack of its own. Goes on where it was stopped.
 
     A trip whose robot took its orders too late is none: it is made again, and all after it, at half the time scale.
@@ -107,10 +117,8 @@ def study(
     """
     folder.mkdir(parents=True, exist_ok=True)
     known = read_trips(folder)
-    found: dict[Case, Trip] = {}
     for count, case in enumerate(cases, start=1):
-        trip = known.get(case.key)
-        if trip is None:
+        if case.key not in known:
             head = f"{count} of {len(cases)}, goal {case.number}, {', '.join(words_of(case.group))}: "
             seed = robot.seed + case.number - 1
             own = replace(robot, seed=seed, incline_deg=case.incline_deg, library=case.library, bags=folder)
@@ -123,8 +131,6 @@ def study(
                 file.write(json.dumps({"number": case.number, **asdict(trip)}) + "\n")
             end = "arrived" if trip.success else trip.reason
             done(f"{head}{end}; {trip.rolls} rolls, {trip.missed} missed")
-        found[case] = trip
-    return found
 
 
 def _trip(robot: VirtualRobot, case: Case, tell: Callable[[str], None]) -> Trip:
@@ -144,8 +150,8 @@ def summary_of(trips: Sequence[Trip]) -> str:
     return f"{head} | {each:.1f} | {time_s:.0f} s | {np.mean([trip.ratio for trip in arrived]):.2f}"
 
 
-def page_of(found: dict[Case, Trip], robot: VirtualRobot, command: str, picture: str) -> str:
-    """The page, as Markdown."""
+def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: str, picture: str) -> str:
+    """The page, as Markdown. Args: left: how many travels are still to be made."""
     rows = [
         f"| {' | '.join(words_of(group))} | {summary_of([trip for case, trip in found.items() if case.group == group])} |"
         for group in groups_of(found)
@@ -158,6 +164,7 @@ def page_of(found: dict[Case, Trip], robot: VirtualRobot, command: str, picture:
         f"This page is written by `{command}`; do not edit it, run the command again.",
         "**All travels are virtual**, through the whole stack: planner, bridge, board's bytes, and a virtual prototype with hidden",
         "errors.",
+        *([f"**{len(found)} travels of {len(found) + left}**, so far: the same command goes on."] if left else []),
         "",
         f"{goals} goals at {DISTANCE_M:g} m in directions drawn by a seed, each for a robot of its own at",
         f"±{100 * robot.perturbation:g} % with {robot.actuators} actuators; every goal on level ground and on ground inclined by",
