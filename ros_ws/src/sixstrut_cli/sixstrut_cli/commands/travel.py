@@ -14,6 +14,8 @@ import typer
 from sixstrut_cli.commands.options import MOST_INCLINE_DEG, MOST_PERTURBATION, JsonOption, LibraryOption, place_of
 
 if TYPE_CHECKING:
+    from sixstrut_cli.travels.study import Case
+    from sixstrut_cli.travels.trip import Trip
     from sixstrut_cli.virtual_stack import VirtualRobot
 
 
