@@ -8,14 +8,16 @@ from __future__ import annotations
 
 import heapq
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from sim_core.climbs import usual_deg
 from sim_core.elements import Array
 from sim_core.errors import LibraryError
 from sim_core.face_graph import Choice, FaceGraph
+from sim_core.library import Gait
 from sim_core.model import Model
 from sim_core.robot import Robot
 from sim_core.structure import FACES, NEIGHBOURS, require_face
@@ -31,8 +33,9 @@ MOST_STANCES = 50_000
 TACKS = (1.0, 1.25, 1.5, 2.0, 3.0)
 """How much longer than straight a way uphill is thought of being."""
 Lean = tuple[float, float]
-LEVEL: Mapping[str, Lean] = {"TC": (0.0, 0.0), "TO": (0.0, 0.0)}
-"""The leans of level ground."""
+"""Which way the ground leans, a vector that points downhill: a roll in the direction of the unit vector u, by a gait that climbs s
+degrees, is likelier than on level ground by lean·u/s logits."""
+LEVEL: Lean = (0.0, 0.0)
 
 
 class Stance(NamedTuple):
@@ -117,21 +120,23 @@ class Floor:
         goal_m: tuple[float, float],
         graph: FaceGraph,
         reach_m: float = REACH_M,
-        leans: Mapping[str, Lean] = LEVEL,
+        lean: Lean = LEVEL,
+        climbs_deg: Callable[[Gait], float] = usual_deg,
     ) -> Way:
         """The likeliest rolls to within `reach_m` of a goal (A* over stances, by −log odds and length).
 
         If no stance is that near within MOST_STANCES looked at, the way to the nearest one.
 
         Args:
-            leans: by the source's kind, TC or TO: logits by which a roll in the direction of x, and of y, is likelier than the
-                graph has it. On a slope rolls downhill are, and the two kinds differ in what they mind.
+            lean: of the ground; see Lean. climbs_deg: how steep a gait climbs; uphill, one that climbs steeper is preferred.
 
         Raises:
             LibraryError: the library has no gait from there.
         """
-        best = {pair: graph.choices(*pair)[:1] for pair in self._moves}
-        surest = max((choice.odds for choices in best.values() for choice in choices), default=1.0)
+        best = {pair: _undominated(graph.choices(*pair), climbs_deg, lean) for pair in self._moves}
+        ways = [one for ones in best.values() for one in ones]
+        surest = max((choice.odds for choice, _ in ways), default=1.0)
+        climbs = [deg for _, deg in ways] or [1.0]
 
         def ahead(stance: Stance) -> float:
             left_m = stance.distance_m(goal_m)
@@ -139,7 +144,8 @@ class Floor:
                 return 0.0
             rolls = (left_m - reach_m) / self.longest_m
             x, y = (goal_m[0] - stance.x_m) / left_m, (goal_m[1] - stance.y_m) / left_m
-            return min(_least_cost(rolls, surest, lean[0] * x + lean[1] * y) for lean in leans.values())
+            down = lean[0] * x + lean[1] * y
+            return _least_cost(rolls, surest, down / (max(climbs) if down < 0.0 else min(climbs)))
 
         nodes: list[tuple[Stance, int, Choice | None]] = [(start, -1, None)]
         costs = {_cell(start): 0.0}
@@ -156,19 +162,19 @@ class Floor:
                 nearest = number
             if stance.distance_m(goal_m) <= reach_m:
                 return self._way(nodes, number, goal_m, reach_m)
-            lean = leans[stance.face[:2]]
             for target in NEIGHBOURS[stance.face]:
-                for choice in best[stance.face, target]:
-                    if choice.odds <= 0.0:
-                        continue
-                    there = self.rolled(stance, target)
-                    heading = self.heading_rad(stance, target)
-                    here = _leaned(choice.odds, lean[0] * math.cos(heading) + lean[1] * math.sin(heading))
-                    cost = costs[cell] + ROLL_COST - math.log(here)
-                    if cost < costs.get(_cell(there), math.inf):
-                        costs[_cell(there)] = cost
-                        nodes.append((there, number, choice._replace(odds=here)))
-                        heapq.heappush(queue, (cost + ahead(there), len(nodes) - 1))
+                heading = self.heading_rad(stance, target)
+                down = lean[0] * math.cos(heading) + lean[1] * math.sin(heading)
+                likely = [(_leaned(choice.odds, down / deg), choice) for choice, deg in best[stance.face, target]]
+                here, choice = max(likely, key=lambda one: one[0], default=(0.0, None))
+                if here <= 0.0 or choice is None:
+                    continue
+                there = self.rolled(stance, target)
+                cost = costs[cell] + ROLL_COST - math.log(here)
+                if cost < costs.get(_cell(there), math.inf):
+                    costs[_cell(there)] = cost
+                    nodes.append((there, number, choice._replace(odds=here)))
+                    heapq.heappush(queue, (cost + ahead(there), len(nodes) - 1))
         if len(nodes) == 1:
             raise LibraryError(f"library {graph.library.name} has no gait from {start.face}")
         return self._way(nodes, nearest, goal_m, reach_m)
@@ -186,6 +192,16 @@ class Floor:
         left = nodes[end][0].distance_m(goal_m)
         odds = math.prod(choice.odds for choice in choices)
         return Way(tuple(reversed(stances)), tuple(reversed(choices)), odds, left, left <= reach_m)
+
+
+def _undominated(choices: Sequence[Choice], climbs_deg: Callable[[Gait], float], lean: Lean) -> list[tuple[Choice, float]]:
+    """Of gaits for one roll, the surest first: those that may be the best in some direction, with how steep they climb."""
+    kept: list[tuple[Choice, float]] = []
+    for choice in choices if lean != LEVEL else choices[:1]:
+        deg = climbs_deg(choice.gait)
+        if not kept or deg > kept[-1][1]:
+            kept.append((choice, deg))
+    return kept
 
 
 def _centred(joints_m: Array) -> Array:

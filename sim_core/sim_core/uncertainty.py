@@ -248,8 +248,12 @@ def sample_at(model: Model, law: Law, seed: int, indices: Sequence[int]) -> list
 def inclined(model: Model, incline_deg: float, seed: int, index: int = 0) -> Model:
     """On inclined ground. Directions of consecutive prototypes are spread by the golden ratio; the seed turns them all."""
     share = (GOLDEN * (index + 1) + np.random.default_rng([seed, INCLINE_STREAM]).random()) % 1.0
-    downhill = 2.0 * math.pi * share
-    slope = math.radians(incline_deg) * np.array([-math.sin(downhill), math.cos(downhill)])
+    return inclined_towards(model, incline_deg, 2.0 * math.pi * share)
+
+
+def inclined_towards(model: Model, incline_deg: float, downhill_rad: float) -> Model:
+    """On ground that goes down in a direction on the floor."""
+    slope = math.radians(incline_deg) * np.array([-math.sin(downhill_rad), math.cos(downhill_rad)])
     return build_model(model.prototype, _slope(model.elements, slope))
 
 

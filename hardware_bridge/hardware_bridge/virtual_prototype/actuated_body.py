@@ -21,12 +21,20 @@ class ActuatedBody(SimulatedBody):
         perturbation: Scale of its perturbation, 0.05 for 5 %.
         seed: Of the draws.
         parameters: Of the actuators.
-        incline_deg: Of the ground; downhill is a direction of the draw.
+        incline_deg, downhill_rad: See :class:`SimulatedBody`.
     """
 
-    def __init__(self, face: str, perturbation: float, seed: int, parameters: ActuatorParameters, incline_deg: float = 0.0) -> None:
+    def __init__(
+        self,
+        face: str,
+        perturbation: float,
+        seed: int,
+        parameters: ActuatorParameters,
+        incline_deg: float = 0.0,
+        downhill_rad: float | None = None,
+    ) -> None:
         self._parameters = parameters
-        super().__init__(face, perturbation, seed, parameters, incline_deg)
+        super().__init__(face, perturbation, seed, parameters, incline_deg, downhill_rad)
         rng = np.random.default_rng([seed, 1])
         self._strength = 1.0 + perturbation * rng.uniform(-1.0, 1.0, 6)
         self._mid_m = self._robot.model.elements.strut_mid_m

@@ -52,24 +52,33 @@ class SimulatedBody:
         perturbation: Scale of its perturbation, 0.05 for 5 %.
         seed: Of the draw.
         parameters: Of actuators that the solver's own are to follow; None: these are the robot's.
-        incline_deg: Of the ground; downhill is a direction of the draw.
+        incline_deg: Of the ground.
+        downhill_rad: Direction on the floor; None: of the draw.
     """
 
     def __init__(
-        self, face: str, perturbation: float, seed: int, parameters: ActuatorParameters | None = None, incline_deg: float = 0.0
+        self,
+        face: str,
+        perturbation: float,
+        seed: int,
+        parameters: ActuatorParameters | None = None,
+        incline_deg: float = 0.0,
+        downhill_rad: float | None = None,
     ) -> None:
         from sim_core.model import build_model
         from sim_core.parameters import load_prototype
         from sim_core.perturbation import perturb
         from sim_core.robot import Robot
-        from sim_core.uncertainty import inclined
+        from sim_core.uncertainty import inclined, inclined_towards
 
         prototype = load_prototype()
         if parameters is not None:
             prototype = following(prototype, parameters)
         self.mid_stroke_length_m = prototype.strut_length_m
         model = perturb(build_model(prototype), perturbation, seed) if perturbation else build_model(prototype)
-        if incline_deg:
+        if downhill_rad is not None:
+            model = inclined_towards(model, incline_deg, downhill_rad)
+        elif incline_deg:
             model = inclined(model, incline_deg, seed)
         self._steps_per_second = int(model.steps_per_second)
         self._robot = Robot.resting_on(model, face)

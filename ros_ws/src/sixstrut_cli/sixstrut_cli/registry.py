@@ -20,6 +20,7 @@ _ALL = (
     Entry("travel", "Roll the virtual prototype to a place on the floor, replanned after every roll.", "travel"),
     Entry("rehearse", "Try a roll on perturbed robots before the real one does it: odds and outcomes.", "rehearse"),
     Entry("robustness", "Try a library's 24 gaits on perturbed prototypes: rates, intervals, what kills them.", "robustness"),
+    Entry("climb", "How steep each primitive of a library still rolls uphill.", "climb"),
     Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "recheck"),
     Entry("trial", "Run a session of trials, a day long and resumable: primitives × gaits × repeats.", "trial"),
     Entry("report", "Success rates, intervals and tests of sessions, as a page with the paper's Figure 8.", "report"),

@@ -2,11 +2,12 @@
 
 A mixed logistic regression, fitted anew after every roll (its posterior mode; Breslow and Clayton 1993):
 
-    logit p = logit(odds known before) + a + b_primitive + c_roll + d_gait + lean_kind · u
+    logit p = logit(odds known before) + a + b_primitive + c_roll + d_gait + lean · u / s_primitive
 
-u is the unit vector, on the floor, of the roll's heading; kind is the source's: on a slope rolls from closed triangles (TC)
-fail uphill where rolls from open ones (TO) still work. So one miss uphill makes all such rolls uphill less believed, and one of a
-poor gait that gait most, then its primitive's other gaits, then the other gaits of the same roll. The effects are normal about 0.
+u is the unit vector, on the floor, of the roll's heading, and s how steep the primitive climbs (`sim_core.climbs`): on a slope, gaits
+that climb little fail first, and those that climb steeply last. So one miss uphill makes all rolls uphill less believed, most those
+by gaits that climb little; and one of a poor gait that gait most, then its primitive's other gaits, then the other gaits of the same
+roll. The effects are normal about 0.
 """
 
 from __future__ import annotations
@@ -17,18 +18,21 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import expit, logit
 
+from sim_core.climbs import usual_deg
 from sim_core.elements import Array
-from sim_core.floor import LEVEL, Lean
+from sim_core.floor import LEVEL
 from sim_core.library import Gait
 
-SPREAD_LEAN, SPREAD_ALL, SPREAD_PRIMITIVE, SPREAD_ROLL, SPREAD_GAIT = 4.0, 0.7, 1.0, 0.7, 1.5
+SPREAD_ALL, SPREAD_PRIMITIVE, SPREAD_ROLL, SPREAD_GAIT = 0.7, 1.0, 0.7, 1.5
 """Standard deviations of the effects, in logits, before any roll."""
-MOST_SURE = 0.98
-"""Odds before the first roll are not taken for surer than this: they are of other robots, on other ground."""
+SPREAD_LEAN = 8.0
+"""Likewise of each component of the lean, in logits × degrees: 4 logits, from sure to a coin's toss where a gait climbs just so
+much, × an incline of 2 degrees."""
+LEAST_SURE, MOST_SURE = 0.1, 0.98
+"""Odds before the first roll are not taken for less or more than this: they are of other robots, on other ground."""
 ITERATIONS = 30
 STEP = 4.0
 """Longest Newton step, in logits."""
-KINDS = tuple(LEVEL)
 Name = tuple[str, ...]
 
 
@@ -36,15 +40,15 @@ class Experience:
     """Rolls of one travel.
 
     Attributes:
-        leans: by the source's kind, (2,) logits that a heading's unit vector is worth: it points where rolls work better.
+        lean: of the ground, as `sim_core.floor` has it: it points where rolls work better.
     """
 
-    def __init__(self, known: Callable[[Gait], float]):
-        """Args: known: odds of a gait before the travel."""
-        self._known = known
+    def __init__(self, known: Callable[[Gait], float], climbs_deg: Callable[[Gait], float] = usual_deg):
+        """Args: known: odds of a gait before the travel. climbs_deg: how steep it climbs."""
+        self._known, self._climbs_deg = known, climbs_deg
         self._effects: dict[Name, float] = {}
         self._rolls: list[tuple[Gait, float, bool]] = []
-        self.leans: dict[str, Lean] = dict(LEVEL)
+        self.lean = LEVEL
 
     def add(self, gait: Gait, heading_rad: float, success: bool) -> None:
         """A roll was made, or refused."""
@@ -60,17 +64,16 @@ class Experience:
         for gait, _, _ in self._rolls:
             for name in _names(gait):
                 places.setdefault(name, len(places))
-        design = np.zeros((len(self._rolls), 4 + len(places)))
+        design = np.zeros((len(self._rolls), 2 + len(places)))
         for row, (gait, heading, _) in zip(design, self._rolls, strict=True):
-            first = 2 * KINDS.index(gait.source[:2])
-            row[first : first + 2] = math.cos(heading), math.sin(heading)
-            row[[4 + places[name] for name in _names(gait)]] = 1.0
+            row[:2] = np.array((math.cos(heading), math.sin(heading))) / self._climbs_deg(gait)
+            row[[2 + places[name] for name in _names(gait)]] = 1.0
         offset = np.array([_logit(self._known(gait)) for gait, _, _ in self._rolls])
         won = np.array([success for _, _, success in self._rolls], dtype=float)
-        spread = np.array([*4 * [SPREAD_LEAN], *(_SPREADS[name[0]] for name in places)])
+        spread = np.array([SPREAD_LEAN, SPREAD_LEAN, *(_SPREADS[name[0]] for name in places)])
         mode = _mode(design, offset, won, spread)
-        self.leans = {kind: (float(mode[2 * k]), float(mode[2 * k + 1])) for k, kind in enumerate(KINDS)}
-        self._effects = {name: float(mode[4 + place]) for name, place in places.items()}
+        self.lean = (float(mode[0]), float(mode[1]))
+        self._effects = {name: float(mode[2 + place]) for name, place in places.items()}
 
 
 _SPREADS = {"all": SPREAD_ALL, "primitive": SPREAD_PRIMITIVE, "roll": SPREAD_ROLL, "gait": SPREAD_GAIT}
@@ -98,4 +101,4 @@ def _mode(design: Array, offset: Array, won: Array, spread: Array) -> Array:
 
 
 def _logit(odds: float) -> float:
-    return float(logit(min(MOST_SURE, max(1.0 - MOST_SURE, odds))))
+    return float(logit(min(MOST_SURE, max(LEAST_SURE, odds))))

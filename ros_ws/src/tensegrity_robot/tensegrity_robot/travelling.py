@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from typing import NamedTuple
 
+from sim_core.climbs import load_climbs, usual_deg
 from sim_core.errors import SimError
 from sim_core.face_graph import FaceGraph
 from sim_core.floor import Floor, Stance, Way
@@ -18,8 +19,8 @@ Key = tuple[str, str, str]
 PAIRS_BOTH_WAYS = tuple((source, target) for source, targets in NEIGHBOURS.items() for target in targets)
 MOST_MISSES = 10
 """So many rolls in a row that end elsewhere are enough."""
-LEAST_ODDS = 0.01
-"""A roll that is believed less than this is not worth the actuators' wear."""
+LEAST_ODDS, PATIENCE = 0.01, 3
+"""A roll that is believed less than this is not worth the actuators' wear, after so many in a row that ended elsewhere."""
 EVERY_GAIT_ALIKE, A_TRIFLE = 0.9, 1e-6
 """Odds of every gait where odds are ignored, for comparison; and by how much less, each time that its primitive was tried."""
 
@@ -71,9 +72,11 @@ class Journey:
 
     def __init__(self, floor: Floor, library: Library, odds: Odds | None, goal_m: tuple[float, float], rules: Rules):
         self._floor, self._library, self._goal_m, self._rules = floor, library, goal_m, rules
-        known = FaceGraph(library, odds)
-        before = {key_of(choice.gait): choice.odds for pair in PAIRS_BOTH_WAYS for choice in known.choices(*pair)}
-        self._experience = Experience(lambda gait: before[key_of(gait)])
+        known, climbs = FaceGraph(library, odds), load_climbs(library)
+        choices = [choice for pair in PAIRS_BOTH_WAYS for choice in known.choices(*pair)]
+        before = {key_of(gait): likely if climbs is None else likely * climbs.on_level(gait) for gait, likely in choices}
+        self._climbs_deg = usual_deg if climbs is None else climbs.of
+        self._experience = Experience(lambda gait: before[key_of(gait)], self._climbs_deg)
         self._tried: Counter[str] = Counter()
         self._graph = self._believed()
         self._vain = 0
@@ -105,13 +108,14 @@ class Journey:
         if self._vain >= MOST_MISSES:
             return End(False, f"gave up {left}: the last {self._vain} rolls missed their face or were refused as too unlikely")
         try:
-            way = self._floor.way(stance, self._goal_m, self._graph, self._rules.reach_m, self._experience.leans)
+            lean = self._experience.lean
+            way = self._floor.way(stance, self._goal_m, self._graph, self._rules.reach_m, lean, self._climbs_deg)
         except SimError as error:
             return End(False, f"gave up {left}: {error}")
         if not way.choices:
             return End(False, f"gave up {left}: no sequence of rolls comes nearer")
-        if way.choices[0].odds < LEAST_ODDS:
-            return End(False, f"gave up {left}: after {self.missed} misses no roll is left that is likely to work")
+        if way.choices[0].odds < LEAST_ODDS and self._vain >= PATIENCE:
+            return End(False, f"gave up {left}: after {self._vain} vain tries no roll is left that is likely to work")
         return Step(way.choices[0].gait, way)
 
     def rolled(self, step: Step, success: bool) -> None:
