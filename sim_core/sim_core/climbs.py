@@ -1,6 +1,6 @@
 """How steep a library's gaits still roll straight uphill, with actuators that feel their load: a number for each primitive.
 
-Symmetry makes it the same for all 24 gaits of a primitive. On level ground these gaits may be equally sure; on a slope they are not.
+Symmetry makes it the same for all 24 gaits of a primitive. Gaits that are equally sure on level ground are not so on a slope.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ class Climbs:
 
     Attributes:
         library_hash: whose primitives these are. how: robot and actuators, in words.
-        steepest_deg: primitive name -> the steepest ground on which it rolled straight uphill and stayed; 0: not even on level ground.
+        steepest_deg: primitive name -> the steepest ground that it climbed straight uphill, to rest there; 0: not even level.
     """
 
     library_hash: str
@@ -65,6 +65,6 @@ def load_climbs(library: Library) -> Climbs | None:
         document: Any = yaml.safe_load(file.read_text(encoding="utf-8"))
         steepest = {str(name): float(deg) for name, deg in document["steepest_deg"].items()}
         climbs = Climbs(str(document["library_hash"]), str(document["how"]), steepest)
-    except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError):
+    except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
         return None
     return climbs if climbs.library_hash == library.hash else None

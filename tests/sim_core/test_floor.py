@@ -95,9 +95,9 @@ def test_a_lean_makes_rolls_down_it_likelier_and_rolls_up_it_less_so(floor):
     graph = FaceGraph(library, load_odds(library))
     start = Stance("TC6", 0.0, 0.0, 0.0)
     level = floor.way(start, (0.0, 1.0), graph)
-    same = floor.way(start, (0.0, 1.0), graph, leans={"TC": (0.0, 0.0), "TO": (0.0, 0.0)})
+    same = floor.way(start, (0.0, 1.0), graph, lean=(0.0, 0.0))
     assert same == level
-    down, up = (floor.way(start, (0.0, 1.0), graph, leans={"TC": (0.0, y), "TO": (0.0, y)}) for y in (3.0, -3.0))
+    down, up = (floor.way(start, (0.0, 1.0), graph, lean=(0.0, y)) for y in (8.0, -8.0))
     assert down.odds >= level.odds > up.odds
     assert level.reaches
     assert up.reaches
@@ -111,14 +111,31 @@ def test_a_heading_is_the_direction_of_the_step(floor):
         assert np.allclose(step / np.linalg.norm(step), (math.cos(heading), math.sin(heading)))
 
 
-@pytest.mark.parametrize("lean", [(0.0, 0.0), (2.0, 0.0), (-2.0, 1.0), (0.0, -4.0)])
+def test_uphill_the_gait_that_climbs_steeper_is_taken_and_elsewhere_the_surer_one(floor):
+    library = load_library("robust")
+    graph = FaceGraph(library, load_odds(library))
+    climber = library.gaits("TC6", "TO5")[-1]
+    assert graph.best("TC6", "TO5").gait != climber
+
+    def climbs_deg(gait):
+        return 8.0 if gait.primitive == climber.primitive else 2.0
+
+    start = Stance("TC6", 0.0, 0.0, 0.0)
+    there = floor.rolled(start, "TO5")
+    goal, heading = (there.x_m, there.y_m), floor.heading_rad(start, "TO5")
+    for down, wanted in ((-6.0, climber), (0.0, graph.best("TC6", "TO5").gait), (6.0, graph.best("TC6", "TO5").gait)):
+        lean = (down * math.cos(heading), down * math.sin(heading))
+        assert floor.way(start, goal, graph, 0.01, lean, climbs_deg).choices[0].gait == wanted
+
+
+@pytest.mark.parametrize("lean", [(0.0, 0.0), (4.0, 0.0), (-4.0, 2.0), (0.0, -8.0)])
 def test_looking_ahead_changes_how_long_it_takes_and_not_the_way(floor, monkeypatch, lean):
     library = load_library("improved")
     graph = FaceGraph(library, load_odds(library))
     start, goal = Stance("TC6", 0.0, 0.0, 0.0), (0.2, 0.1)
-    quick = floor.way(start, goal, graph, leans={"TC": lean, "TO": (0.0, 0.0)})
+    quick = floor.way(start, goal, graph, lean=lean)
     monkeypatch.setattr("sim_core.floor._least_cost", lambda *_: 0.0)
-    slow = floor.way(start, goal, graph, leans={"TC": lean, "TO": (0.0, 0.0)})
+    slow = floor.way(start, goal, graph, lean=lean)
     assert quick.reaches
     cost, least = (ROLL_COST * len(way.choices) - math.log(way.odds) for way in (quick, slow))
     assert cost == pytest.approx(least, rel=0.02)

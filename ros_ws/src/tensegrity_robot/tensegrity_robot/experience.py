@@ -4,10 +4,10 @@ A mixed logistic regression, fitted anew after every roll (its posterior mode; B
 
     logit p = logit(odds known before) + a + b_primitive + c_roll + d_gait + lean · u / s_primitive
 
-u is the unit vector, on the floor, of the roll's heading, and s how steep the primitive climbs (`sim_core.climbs`): on a slope, gaits
-that climb little fail first, and those that climb steeply last. So one miss uphill makes all rolls uphill less believed, most those
-by gaits that climb little; and one of a poor gait that gait most, then its primitive's other gaits, then the other gaits of the same
-roll. The effects are normal about 0.
+u is the unit vector, on the floor, of the roll's heading, and s how steep the primitive climbs (`sim_core.climbs`): on a slope,
+gaits that climb little fail first, and those that climb steeply last. So one miss uphill makes all rolls uphill less believed,
+most those by gaits that climb little; and one of a poor gait that gait most, then its primitive's other gaits, then the other
+gaits of the same roll. The effects are normal about 0.
 """
 
 from __future__ import annotations

@@ -29,10 +29,10 @@ INTRODUCTION = """\
 `traveller` offers the action `travel` and listens to `goal_pose` (RViz's *2D Goal Pose*): it plans the likeliest sequence of rolls
 (A* over stances by −log odds and length, `sim_core/sim_core/floor.py`), asks the planner for the first one, looks where the robot
 rests, and plans anew. On hardware without an observer every roll waits for `set_face`. It knows how steep each primitive climbs
-with actuators that feel their load (`./sixstrut climb`), and from its own rolls it learns (`tensegrity_robot/experience.py`): a miss
-makes the gait less believed, its primitive and the roll's other gaits a little, and all rolls in that direction, as it is on a
-slope, most those by gaits that climb little: so the next way takes steeper climbers, or goes around. It gives up with a reason: too
-many rolls, no roll left that is likely to work, ten misses in a row, no face, no way, or what planner or bridge refuse.
+with actuators that feel their load (`./sixstrut climb`), and it learns from its own rolls (`tensegrity_robot/experience.py`): a
+miss makes the gait less believed, its primitive and the roll's other gaits a little, and all rolls in that direction, as it is on
+a slope, most those by gaits that climb little: so the next way takes steeper climbers, or goes around. It gives up with a reason:
+too many rolls, no roll left that is likely to work, ten misses in a row, no face, no way, or what planner or bridge refuse.
 """
 
 
