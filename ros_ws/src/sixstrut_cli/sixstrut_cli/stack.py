@@ -9,7 +9,7 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
+from types import FrameType, TracebackType
 
 from sixstrut_cli.errors import StackError
 
@@ -110,10 +110,19 @@ class Stack:
 
 
 class Uninterrupted:
-    """Signals wait while things are being put away: a second Ctrl-C must not lose the bag."""
+    """Signals wait while things are being put away: a second Ctrl-C must not lose the bag.
 
-    def __enter__(self) -> None:
-        self._old = [signal.signal(number, signal.SIG_IGN) for number in (signal.SIGINT, signal.SIGTERM)]
+    Attributes:
+        interrupted: one came; who would go on with something else should end instead.
+    """
+
+    def __enter__(self) -> Uninterrupted:
+        self.interrupted = False
+        self._old = [signal.signal(number, self._remember) for number in (signal.SIGINT, signal.SIGTERM)]
+        return self
+
+    def _remember(self, number: int, frame: FrameType | None) -> None:
+        self.interrupted = True
 
     def __exit__(self, *details: object) -> None:
         for number, old in zip((signal.SIGINT, signal.SIGTERM), self._old, strict=True):

@@ -94,8 +94,10 @@ def travel(
         with closing(ObserverClient(handshake.observer, late.saw)):
             result, bag = _operate(stack, robot, late, goal_m, reach_m, most_rolls, tell)
     finally:
-        with Uninterrupted():
+        with Uninterrupted() as ending:
             stack.stop()
+    if ending.interrupted:  # a study would go on with its next trip
+        raise KeyboardInterrupt
     return Trip(
         goal_m,
         robot.library,
