@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 def command(
     place: Annotated[str | None, typer.Argument(metavar="X,Y", help="Place on the floor in m; the robot starts at 0,0.")] = None,
     study: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Instead: N goals at 1 m, on two floors, with three travellers.")
+        int, typer.Option(metavar="N", min=0, help="Instead: N goals at 1 m, on two floors, with odds and without.")
     ] = 0,
     reach: Annotated[float, typer.Option(min=0.02, help="How near is near enough, in m.")] = 0.08,
     most_rolls: Annotated[int, typer.Option(min=1, help="Give up after so many rolls.")] = 60,
@@ -113,7 +113,7 @@ def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, fold
     target = page or folder / "travel.md"
     images = target.parent / "images"
     images.mkdir(parents=True, exist_ok=True)
-    groups = groups_of(cases)
+    groups = groups_of(found)
     panels = [(", ".join(words_of(group)), [trip for case, trip in found.items() if case.group == group]) for group in groups]
     study_picture(panels, images / "travel.png")
     goals = max(case.number for case in cases)

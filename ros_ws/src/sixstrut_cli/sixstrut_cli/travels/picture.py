@@ -25,11 +25,11 @@ def travel_picture(trip: Trip, path: Path) -> None:
 
 
 def study_picture(panels: Sequence[tuple[str, Sequence[Trip]]], path: Path) -> None:
-    """A panel for each (title, trips), three in a row."""
-    rows = (len(panels) + 2) // 3
-    figure = new_figure(14, 4.8 * rows)
+    """A panel for each (title, trips), two in a row."""
+    rows = (len(panels) + 1) // 2
+    figure = new_figure(11, 5.2 * rows)
     for number, (title, trips) in enumerate(panels, start=1):
-        axes = figure.add_subplot(rows, 3, number)
+        axes = figure.add_subplot(rows, 2, number)
         _floor(axes, trips)
         axes.set_title(title)
     figure.savefig(path, dpi=100)
