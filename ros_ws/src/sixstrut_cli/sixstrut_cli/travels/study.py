@@ -19,7 +19,7 @@ DISTANCE_M = 1.0
 SLOPE_DEG = 3.0
 TRIPS = "trips.jsonl"
 TRAVELLERS = (("robust", True), ("robust", False))
-"""(library, knows odds). On level ground the gaits of `robust` hardly differ, uphill they do: there odds show what they are worth."""
+"""(library, knows odds). On level ground the gaits of `robust` hardly differ, uphill they do: there odds show their worth."""
 Key = tuple[int, float, str, bool]
 
 INTRODUCTION = """\
