@@ -16,6 +16,7 @@ import shutil
 import signal
 import sys
 from collections.abc import Sequence
+from difflib import get_close_matches
 from pathlib import Path
 from types import FrameType
 from typing import NoReturn
@@ -54,7 +55,8 @@ def _dispatch(layout: Layout, arguments: Sequence[str]) -> int:
         print(registry.static_help(name))
         return 0
     if name is not None and name not in registry.names():
-        print(f"sixstrut: no command {name!r}; there are: {', '.join(registry.names())}", file=sys.stderr)
+        meant = "".join(f" Did you mean {near}?" for near in get_close_matches(name, registry.names(), 1))
+        print(f"sixstrut: no command {name!r}; there are: {', '.join(registry.names())}.{meant}", file=sys.stderr)
         return EXIT_USAGE
     if name in registry.SETUP_COMMANDS and len(arguments) > 1:
         print(f"sixstrut: {name} takes no options", file=sys.stderr)
