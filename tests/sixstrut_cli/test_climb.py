@@ -41,15 +41,15 @@ def test_a_roll_goes_a_step_over_the_floor():
     assert 0.03 < abs(complex(*level.shift_m)) < 0.2
 
 
-def test_the_command_tells_people_and_scripts_and_writes_the_file(tmp_path):
-    small = tmp_path / "small.yaml"
-    result = sixstrut("climb", str(small))
+@pytest.mark.parametrize("words", [("missing.yaml",), ("robust", "--actuators", "missing.yaml")])
+def test_what_is_not_there_is_one_line_that_names_it(words):
+    result = sixstrut("climb", *words)
     assert result.returncode == 1
-    assert "small.yaml" in result.stderr
-    assert sixstrut("climb", "robust", "--actuators", "none.yaml").returncode == 1
+    assert "missing.yaml" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
 
 
-def test_the_command_on_a_library_of_one(tmp_path):
+def test_the_command_tells_scripts_and_people_and_writes_the_file(tmp_path):
     from dataclasses import replace
 
     from sim_core.library import library_text
@@ -62,3 +62,5 @@ def test_the_command_on_a_library_of_one(tmp_path):
     told = json.loads(result.stdout)
     assert told["steepest_deg"] == {"P12": load_climbs(LIBRARY).steepest_deg["P12"]}
     assert "P12" in out.read_text(encoding="utf-8")
+    people = sixstrut("climb", str(path)).stdout
+    assert "TC6-TO5: 1 primitives, 0 of them do not roll on level ground; median 1.00°, best 1.00°" in people

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from statistics import median
 from typing import Annotated
 
 import typer
@@ -50,3 +51,8 @@ def command(
         deg = found.steepest_deg[primitive.name]
         source, target = primitive.roll_class
         typer.echo(f"  {primitive.name:<4} {source}→{target}  " + (f"{deg:5.2f}°" if deg else "does not roll on level ground"))
+    for roll_class in dict.fromkeys(primitive.roll_class for primitive in shelf.primitives):
+        climbed = [found.steepest_deg[one.name] for one in shelf.primitives if one.roll_class == roll_class]
+        still = sum(deg == 0.0 for deg in climbed)
+        words = f"{len(climbed)} primitives, {still} of them do not roll on level ground"
+        typer.echo(f"{roll_class.name}: {words}; median {median(climbed):.2f}°, best {max(climbed):.2f}°")
