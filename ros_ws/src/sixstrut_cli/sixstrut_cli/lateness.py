@@ -56,5 +56,5 @@ class LateOrders:
             return ""
         return (
             f"the virtual prototype took its orders {self.worst_s:.1f} s of robot time late: this computer is too busy for "
-            f"--time-scale {time_scale:g}"
+            f"--time-scale {time_scale:g}; lower it"
         )

@@ -267,6 +267,7 @@ class Lab:
             watch()
 
         self._late.forget()
+        self._too_late = ""
         limit_s = 30.0 + ROLL_LIMIT_S / self.scale
         result = self.operator.roll(target, tell, limit_s, source=source, primitive=primitive, watch=look)
         errors = self.operator.bridge.write_errors - before
