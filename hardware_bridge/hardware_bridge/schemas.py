@@ -16,6 +16,7 @@ from pathlib import Path
 from hardware_bridge.errors import SchemaError
 
 _SEPARATOR = "=" * 80
+_HALVES = re.compile(r"^---[ \t]*$\n?", re.MULTILINE)
 _FIELD = re.compile(r"^([A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z][A-Za-z0-9_]*){0,2})(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]")
 _INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 _PRIMITIVES = _INTEGERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
@@ -45,7 +46,21 @@ class ShareSchemas:
             SchemaError: It, or a type that it is made of, is not installed.
         """
         root = _short(type_name)
-        parts, waiting, seen = [self._text(root)], dependencies(self._text(root), root), {root}
+        return self._with_parts(self._text(root), root)
+
+    def service_texts(self, type_name: str) -> tuple[str, str]:
+        """The whole definitions of request and response of ``package/srv/Name``; an empty one has no field.
+
+        Raises:
+            SchemaError: It, or a type that it is made of, is not installed.
+        """
+        root = _short(type_name, "srv")
+        request, response = _HALVES.split(self._read(root, "srv"), maxsplit=1)
+        return self._with_parts(request, root), self._with_parts(response, root)
+
+    def _with_parts(self, own: str, root: str) -> str:
+        """A definition and those of all that it is made of."""
+        parts, waiting, seen = [own], dependencies(own, root), {root}
         while waiting:
             name = waiting.pop(0)
             if name in seen:
@@ -69,14 +84,14 @@ class ShareSchemas:
                 continue
         return ""
 
-    def _read(self, short_name: str) -> str:
+    def _read(self, short_name: str, kind: str = "msg") -> str:
         package, name = short_name.split("/")
         for directory in self._directories:
             try:
-                return (directory / package / "msg" / f"{name}.msg").read_text(encoding="utf-8")
+                return (directory / package / kind / f"{name}.{kind}").read_text(encoding="utf-8")
             except OSError:
                 continue
-        raise SchemaError(f"{package}/msg/{name}", [str(directory) for directory in self._directories])
+        raise SchemaError(f"{package}/{kind}/{name}", [str(directory) for directory in self._directories])
 
 
 def dependencies(text: str, short_name: str) -> list[str]:
@@ -92,8 +107,8 @@ def dependencies(text: str, short_name: str) -> list[str]:
     return found
 
 
-def _short(type_name: str) -> str:
+def _short(type_name: str, kind: str = "msg") -> str:
     parts = type_name.split("/")
-    if len(parts) == 3 and parts[1] == "msg":
+    if len(parts) == 3 and parts[1] == kind:
         return f"{parts[0]}/{parts[2]}"
     raise SchemaError(type_name, [])

@@ -5,7 +5,6 @@ Only what the bridge *told* is played. Nothing of it is a command, and while a b
 
 from __future__ import annotations
 
-import importlib
 import os
 import tempfile
 import threading
@@ -25,6 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from hardware_bridge.bag_reader import read_session
 from hardware_bridge.recorder import PREFIX
 from sixstrut_cli.errors import StackError
+from sixstrut_cli.ros_types import message_class
 from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
 from tensegrity_interfaces.msg import TwinState
 from tensegrity_robot import qos
@@ -83,7 +83,9 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
         node = Node("sixstrut_player")
         closing.callback(node.destroy_node)
         _require_no_bridge(node)
-        publishers = {name: node.create_publisher(_kind(type_name), name, TOLD[name]) for name, type_name in _types(bag).items()}
+        publishers = {
+            name: node.create_publisher(message_class(type_name), name, TOLD[name]) for name, type_name in _types(bag).items()
+        }
         if not twin:
             return Played(_publish(bag, publishers, rate, first_seq, told), None)
         parameters: dict[str, object] = {"start_face": start}
@@ -148,15 +150,6 @@ def _types(bag: Path) -> dict[str, str]:
     return {message.topic: message.type_name for message in _messages(bag)}
 
 
-def _kind(type_name: str) -> Any:
-    """The class of "package/msg/Name". Raises StackError: that package is not here."""
-    package, _, name = type_name.split("/")
-    try:
-        return getattr(importlib.import_module(f"{package}.msg"), name)
-    except (ImportError, AttributeError) as error:
-        raise StackError(f"the bag has messages of type {type_name}, which is not installed here") from error
-
-
 def _publish(bag: Path, publishers: dict[str, Any], rate: float, first_seq: int, told: Callable[[float, float], None]) -> int:
     """Everything at its time. The stream begins where the recorded twin's did, so that its states come out the same."""
     from rclpy.serialization import deserialize_message
@@ -167,7 +160,7 @@ def _publish(bag: Path, publishers: dict[str, Any], rate: float, first_seq: int,
     first_ns, last_ns = messages[0].log_time_ns, messages[-1].log_time_ns
     began, count = time.monotonic(), 0
     for message in messages:
-        if message.topic in STREAM and deserialize_message(message.data, _kind(message.type_name)).seq < first_seq:
+        if message.topic in STREAM and deserialize_message(message.data, message_class(message.type_name)).seq < first_seq:
             continue
         at_s = (message.log_time_ns - first_ns) * 1e-9
         wait_s = began + at_s / rate - time.monotonic()

@@ -28,6 +28,7 @@ _ALL = (
     Entry("campaign", "Whole libraries on virtual prototypes, fast, and a sample of it through the whole stack.", "campaign"),
     Entry("fit", "Learn from trials: an ensemble of robots that would have had them, and odds of every gait.", "fit"),
     Entry("console", "The robot in the browser: twin, odds, rolls by clicks, a stop button.", "console"),
+    Entry("foxglove", "Serve the live stack to the Foxglove app: every topic, and a stop button.", "foxglove"),
     Entry("replay", "Step the twin through a recorded session and compare.", "replay"),
     Entry("play", "Play a recorded session into ROS, for a twin and viewers.", "play"),
     Entry("prototype", "Run the virtual prototype alone, behind a serial port.", "prototype"),

@@ -5,7 +5,9 @@ from __future__ import annotations
 import os
 import random
 import sys
-from collections.abc import Sequence
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -15,7 +17,7 @@ from sim_core.library import load_library
 from sim_core.structure import require_face
 from sim_core.warm_up import Stage
 from sixstrut_cli.compiling import compile_first
-from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
+from sixstrut_cli.stack import Stack, Uninterrupted, executable, ros_arguments, wait_until
 
 
 def own_domain() -> None:
@@ -102,3 +104,28 @@ class VirtualRobot:
         nodes["hardware_bridge"] = bridge
         for name, parameters in nodes.items():
             stack.start(name, [executable("tensegrity_robot", name), *ros_arguments(parameters)])
+
+
+@contextmanager
+def running(robot: VirtualRobot, name: str, told: Callable[[str], None]) -> Iterator[Stack]:
+    """A whole stack, traveller too, in a ROS domain of its own, while somebody watches; however that ends, the bag is closed.
+
+    Args:
+        name: of whoever watches, for the folder of logs. told: a line for people.
+
+    Raises:
+        SimError, BridgeError: something that cannot be. StackError: the virtual prototype does not come up.
+    """
+    robot.require()
+    robot.compile()
+    robot.bags.mkdir(parents=True, exist_ok=True)
+    own_domain()
+    with tempfile.TemporaryDirectory(prefix=f"sixstrut-{name}-") as folder:
+        processes = Stack(robot.bags / "logs" / f"{name}-{os.getpid()}")
+        told(robot.words)
+        try:
+            robot.start(processes, Path(folder), travels=True)
+            yield processes
+        finally:
+            with Uninterrupted():
+                processes.stop()

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
 
 from sixstrut_cli.commands.options import MOST_INCLINE_DEG, MOST_PERTURBATION, LibraryOption
-
-if TYPE_CHECKING:
-    from sixstrut_cli.stack import Stack
 
 
 def command(
@@ -46,32 +41,16 @@ def command(
     from sixstrut_cli.compiling import compile_first
     from sixstrut_cli.console.running import serve
     from sixstrut_cli.console.server import LOOPBACK, new_token, require_token
-    from sixstrut_cli.stack import Stack
-    from sixstrut_cli.virtual_stack import VirtualRobot, own_domain
+    from sixstrut_cli.virtual_stack import VirtualRobot, running
 
     if token:
         require_token(token)
     elif host not in LOOPBACK:
         token = new_token()
-    with ExitStack() as stack:
+    with ExitStack() as closing:
         if virtual:
             robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
-            robot.require()
-            robot.compile()
-            bags.mkdir(parents=True, exist_ok=True)
-            own_domain()
-            folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="sixstrut-console-"))
-            processes = Stack(bags / "logs" / f"console-{os.getpid()}")
-            stack.callback(_stopped, processes)
-            typer.echo(robot.words)
-            robot.start(processes, Path(folder), travels=True)
+            closing.enter_context(running(robot, "console", typer.echo))
         else:
             compile_first(Stage.ROBOT)
         serve(host, port, token, lambda url: typer.echo(f"console: {url}   (Ctrl-C ends it)"))
-
-
-def _stopped(processes: Stack) -> None:
-    from sixstrut_cli.stack import Uninterrupted
-
-    with Uninterrupted():
-        processes.stop()

@@ -6,7 +6,6 @@ import json
 import os
 import threading
 import time
-import traceback
 from collections.abc import Callable
 from typing import Any
 
@@ -17,13 +16,13 @@ from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import Path
 from rclpy.action import ActionClient
 from rclpy.context import Context
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
 from sixstrut_cli.console.facts import NOWHERE, Facts, rehearsal_of
+from sixstrut_cli.spinner import Spinner
 from sixstrut_cli.trials.remote import KEY_TOPIC, PANEL_TOPIC
 from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, TwinState
@@ -40,33 +39,6 @@ REHEARSE_AGAIN_S = 3.0
 ARM_LIMIT_S = 40.0
 """A bridge just started loads its judge of shapes before it answers."""
 TICK_S = 0.1
-
-
-class Spinner:
-    """A node in a thread of its own that goes on whatever a callback raises: nothing that is heard may end the stop button."""
-
-    def __init__(self, node: Node, context: Context):
-        self.node = node
-        self.executor = SingleThreadedExecutor(context=context)
-        self.executor.add_node(node)
-        self._thread = threading.Thread(target=self._spin, name=node.get_name(), daemon=True)
-        self._thread.start()
-
-    def _spin(self) -> None:
-        while True:
-            try:
-                self.executor.spin()
-                return
-            except ExternalShutdownException:
-                return
-            except Exception:
-                traceback.print_exc()
-
-    def close(self) -> None:
-        """End the thread and the node."""
-        self.executor.shutdown()
-        self._thread.join(5.0)
-        self.node.destroy_node()
 
 
 class RosSide:
