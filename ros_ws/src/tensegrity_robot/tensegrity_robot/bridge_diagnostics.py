@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from pathlib import PurePath
 from typing import NamedTuple
 
 from builtin_interfaces.msg import Time
@@ -145,4 +146,5 @@ def _log(node: str, log: LogFacts | None, port: str) -> DiagnosticStatus:
 
 def _status(name: str, level: bytes, told: str, hardware: str, values: Sequence[tuple[str, object]]) -> DiagnosticStatus:
     pairs = [KeyValue(key=key, value=str(value)) for key, value in values]
-    return DiagnosticStatus(level=level, name=name, message=told, hardware_id=hardware, values=pairs)
+    short = PurePath(hardware).name  # viewers write it before every name; the link's values have the whole path
+    return DiagnosticStatus(level=level, name=name, message=told, hardware_id=short, values=pairs)

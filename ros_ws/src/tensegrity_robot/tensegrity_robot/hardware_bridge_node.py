@@ -20,6 +20,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
+from visualization_msgs.msg import MarkerArray
 
 from hardware_bridge.bridge import Bridge
 from hardware_bridge.codecs.registry import parse_board
@@ -99,6 +100,8 @@ class HardwareBridgeNode(LifecycleNode):
         topics.record(Rehearsal, "rehearsal", qos.LATCHED)
         topics.record(FaceObservation, "twin/face", qos.FACES)
         topics.record(JointState, "twin/joint_states", qos.STATES)
+        topics.record(PoseStamped, "twin/pose", qos.STATES)
+        topics.record(MarkerArray, "twin/markers", qos.STATES)  # so that a viewer shows the robot of a bag, without our software
         topics.record(PoseStamped, "goal_pose", qos.STATES)
         topics.record(PoseStamped, "travel/goal", qos.LATCHED)
         topics.record(PathMessage, "travel/path", qos.LATCHED)
