@@ -16,6 +16,8 @@ ROW = re.compile(
     r"(?P<observed>\w+) +[\d.]+ s +(?P<mean>[\d.]+) mm +(?P<largest>[\d.]+) mm",
     re.MULTILINE,
 )
+CALM_MM = 1.5
+"""Between twin and an unperturbed prototype in the mean; what parts them is only when the computer lets frames go."""
 
 
 def demo(folder, *words):
@@ -67,16 +69,22 @@ def test_it_leaves_a_bag_that_replays_to_the_live_bits_and_a_picture(exact):
 
 
 @pytest.mark.ros
+@pytest.mark.timeout(240)
 def test_twin_and_prototype_coincide_without_perturbation_and_part_at_ten_percent(tmp_path):
     # in real time: eight times as fast, a frame that the computer delays is eight times as late for the robot, and moves it
-    # and even so a busy computer's delays are worth 2 mm and more, so that what counts is how much farther they part
-    calm = finished(demo(tmp_path, "--perturbation", "0", "--actuators", "ideal", "--rolls", "1", "--real-time"))
-    alike = [float(match["mean"]) for match in ROW.finditer(calm)]
+    # and even so one delay of a busy computer is worth 2 mm: of three demos, one must be undisturbed
+    alike = CALM_MM
+    for _ in range(3):
+        calm = finished(demo(tmp_path, "--perturbation", "0", "--actuators", "ideal", "--rolls", "1", "--real-time"))
+        (alike,) = [float(match["mean"]) for match in ROW.finditer(calm)]
+        if alike < CALM_MM:
+            break
     process = demo(tmp_path, "--perturbation", "0.1", "--rolls", "1")
     printed = finished(process)
     (apart,) = [float(match["mean"]) for match in ROW.finditer(printed)]
-    assert alike[0] < 4.0
-    assert apart > 2 * alike[0]
+    assert alike < CALM_MM
+    assert apart > CALM_MM
+    assert apart > 2 * alike
     assert "scale 0.1, seed 6; uniform" in printed
 
 

@@ -65,7 +65,7 @@ def world(domain, monkeypatch):
 
 
 @pytest.fixture
-def opened(world, monkeypatch):
+def opened(world):
     """Opens servers and apps, and closes them."""
     closing = []
 

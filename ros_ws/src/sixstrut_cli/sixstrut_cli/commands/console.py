@@ -8,25 +8,34 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.commands.options import MOST_INCLINE_DEG, MOST_PERTURBATION, LibraryOption
+from sixstrut_cli.commands.options import (
+    ActuatorsOption,
+    BagsOption,
+    BoardOption,
+    FromFaceOption,
+    InclineOption,
+    LibraryOption,
+    PerturbationOption,
+    SeedOption,
+    TimeScaleOption,
+    VirtualOption,
+)
 
 
 def command(
-    virtual: Annotated[
-        bool, typer.Option("--virtual", help="Start a virtual prototype with bridge, planner, traveller and twin as well.")
-    ] = False,
+    virtual: VirtualOption = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port of the page; 0: any free one.")] = 8080,
     host: Annotated[str, typer.Option(help="Address to listen on; other than loopback only with a token.")] = "127.0.0.1",
     token: Annotated[str, typer.Option(help="What a browser must know. [default: none on loopback, else a new one]")] = "",
-    seed: Annotated[int, typer.Option(min=0, help="Of the virtual prototype.")] = 1,
-    from_face: Annotated[str, typer.Option("--from-face", help="Face it starts on: TC1..TC8, TO1..TO12.")] = "TC6",
-    perturbation: Annotated[float, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far it is off, 0.05 for ±5 %.")] = 0.05,
-    incline: Annotated[float, typer.Option(min=0.0, max=MOST_INCLINE_DEG, help="Of its ground, in degrees.")] = 0.0,
-    time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Its robot seconds per second.")] = 2.0,
-    board: Annotated[str, typer.Option(help="Its servo board: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
-    actuators: Annotated[str, typer.Option(help="Its actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
+    seed: SeedOption = 1,
+    from_face: FromFaceOption = "TC6",
+    perturbation: PerturbationOption = 0.05,
+    incline: InclineOption = 0.0,
+    time_scale: TimeScaleOption = 2.0,
+    board: BoardOption = "lsc",
+    actuators: ActuatorsOption = "stand-in",
     library: LibraryOption = "robust",
-    bags: Annotated[Path, typer.Option(help="Folder for the bag, with --virtual.")] = Path("bags"),
+    bags: BagsOption = Path("bags"),
 ) -> None:
     """Show twin, robot, odds and dangers in a browser; roll, travel and judge trials by clicks; stop at any time.
 

@@ -18,6 +18,19 @@ PrototypeOption = Annotated[
     Path | None, typer.Option("--prototype", help="A prototype YAML; default: the nominal robot.", show_default=False)
 ]
 LibraryOption = Annotated[str, typer.Option("--library", help="A shipped library's name, or a YAML file.")]
+VirtualOption = Annotated[
+    bool, typer.Option("--virtual", help="Start a virtual prototype with bridge, planner, traveller and twin as well.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Of the virtual prototype.")]
+FromFaceOption = Annotated[str, typer.Option("--from-face", help="Face it starts on: TC1..TC8, TO1..TO12.")]
+PerturbationOption = Annotated[
+    float, typer.Option("--perturbation", min=0.0, max=MOST_PERTURBATION, help="How far it is off, 0.05 for ±5 %.")
+]
+InclineOption = Annotated[float, typer.Option("--incline", min=0.0, max=MOST_INCLINE_DEG, help="Of its ground, in degrees.")]
+TimeScaleOption = Annotated[float, typer.Option("--time-scale", min=0.01, max=100.0, help="Its robot seconds per second.")]
+BoardOption = Annotated[str, typer.Option("--board", help="Its servo board: lsc, ssc32, maestro, maestro:crc.")]
+ActuatorsOption = Annotated[str, typer.Option("--actuators", help="Its actuators: ideal, stand-in, or a YAML file.")]
+BagsOption = Annotated[Path, typer.Option("--bags", help="Folder for the bag, with --virtual.")]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 
 
