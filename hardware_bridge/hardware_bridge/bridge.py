@@ -190,7 +190,7 @@ class Bridge:
                 :class:`StateError`, :class:`FaultLatched`.
             StateFileError: The last pulses cannot be kept.
         """
-        token = secrets.token_hex(8)
+        token = secrets.token_hex(16)
         if lifted_and_clear:
             self.judge_homing(confirmed_lengths_m)
         with self._engine.lock:

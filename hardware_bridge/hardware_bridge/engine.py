@@ -7,6 +7,7 @@ the events, and their callbacks.
 from __future__ import annotations
 
 import logging
+import secrets
 import threading
 import time
 from collections.abc import Iterator
@@ -66,6 +67,7 @@ class Engine:
         clock: Robot time.
         state: The supervisor's state.
         virtual: Whether the port is the virtual prototype's.
+        session: Identity of this stream of events, new with every ``begin``; empty before the first.
     """
 
     def __init__(self, port: str, rules: Rules, board: Board, link: Link, callbacks: Callbacks) -> None:
@@ -74,6 +76,7 @@ class Engine:
         self.clock = RobotClock()
         self.state = State()
         self.virtual = False
+        self.session = ""
         self._port = port
         self._rules = rules
         self._board = board
@@ -95,6 +98,7 @@ class Engine:
 
     def begin(self, time_scale: float, record: LastPulses, virtual: bool) -> None:
         """A new stream on a port just opened: clock at 0, ``seq`` from 1. A latched fault stays."""
+        self.session = secrets.token_hex(8)
         was = self.state
         duty = was.duty.moved_by(-self.clock.now().robot_s)
         self.clock = RobotClock(time_scale)
@@ -296,7 +300,7 @@ class Engine:
 
     def emit_face(self, face: str, source: str, settled: bool, detail: str) -> FaceEvent:
         """Numbers a face observation into the stream."""
-        event = FaceEvent(*self._number(), face, source, settled, detail)
+        event = FaceEvent(*self._number(), face, source, settled, detail, self.session, time.time_ns())
         self._callbacks.face(event)
         return event
 
@@ -342,6 +346,7 @@ class Engine:
                 reopened=count.reopened,
                 board_errors=self._board_errors,
                 replies=self.link.replies,
+                session=self.session,
             )
 
     def lengths_m(self) -> tuple[float, ...]:
@@ -368,6 +373,8 @@ class Engine:
             duration_ms=duration_ms,
             frame=frame,
             kind="heartbeat" if kind is None else str(kind),
+            session=self.session,
+            wall_ns=time.time_ns(),
         )
         self._callbacks.sent(event)
 

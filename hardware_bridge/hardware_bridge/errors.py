@@ -5,9 +5,22 @@ Every error carries its data as attributes, so that callers need not parse messa
 
 from __future__ import annotations
 
+from typing import Any
+
 
 class BridgeError(Exception):
     """Base of all errors of this package."""
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Text and data, not the arguments that made them: what a bridge refuses in its own process is read in another."""
+        return _same, (type(self), self.args, self.__dict__)
+
+
+def _same(kind: type[BridgeError], args: tuple[Any, ...], data: dict[str, Any]) -> BridgeError:
+    error = kind.__new__(kind)
+    error.args = args
+    error.__dict__.update(data)
+    return error
 
 
 # ---- bytes ----------------------------------------------------------------------------------------------------------

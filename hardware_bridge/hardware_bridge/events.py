@@ -32,6 +32,8 @@ class SentEvent:
         duration_ms: Duration asked of the board; 0 for a heartbeat.
         frame: The bytes on the wire; empty for a heartbeat.
         kind: ``energise``, ``home``, ``move``, ``hold`` or ``heartbeat``.
+        session: The opening of the port that the event belongs to; nothing of another one is about this robot now.
+        wall_ns: The computer's clock at the event, in [ns] since 1970.
     """
 
     seq: int
@@ -43,6 +45,8 @@ class SentEvent:
     duration_ms: int
     frame: bytes
     kind: str
+    session: str = ""
+    wall_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -56,6 +60,7 @@ class FaceEvent:
         source: One of ``SOURCES``.
         settled: The robot had come to rest.
         detail: For people.
+        session, wall_ns: As :class:`SentEvent`.
     """
 
     seq: int
@@ -64,6 +69,8 @@ class FaceEvent:
     source: str
     settled: bool
     detail: str
+    session: str = ""
+    wall_ns: int = 0
 
 
 @dataclass(frozen=True)
@@ -98,6 +105,7 @@ class Snapshot:
         write_errors: Failed or partial writes since ``open``.
         late_periods: Periods that the frame loop missed, dropped and not made up for.
         congested_periods: Periods without a frame because the port still held the one before, or an answer was late.
+        session: As :class:`SentEvent`; empty before the first opening.
     """
 
     robot_time_ns: int
@@ -127,6 +135,7 @@ class Snapshot:
     reopened: int = 0
     board_errors: tuple[str, ...] = ()
     replies: Replies = NOTHING_ASKED
+    session: str = ""
 
 
 @dataclass(frozen=True)

@@ -78,10 +78,20 @@ def test_playing_a_bag_beside_an_armed_bridge_moves_nothing(armed, second):
         assert publisher.get_subscription_count() == 0
 
 
-def test_a_proof_of_another_lease_keeps_nobody_alive(armed, second):
+def test_who_hears_proofs_can_neither_go_on_nor_keep_a_silent_holder_alive(armed, second):
     proofs = second.node.create_publisher(LeaseProof, "bridge/lease", 10)
-    timer = second.node.create_timer(0.1, lambda: proofs.publish(LeaseProof(lease="guessed")))
-    wait_until(lambda: proofs.get_subscription_count() > 0, 20.0, "the bridge's ear")
+    heard = []
+    second.node.create_subscription(LeaseProof, "bridge/lease", heard.append, 10)
+    wait_until(lambda: heard and proofs.get_subscription_count() > 1, 20.0, "the holder's proofs, and the bridge's ear")
+    fields = LeaseProof.get_fields_and_field_types()
+    assert set(fields) == {"stamp", "counter", "proof"}  # the lease itself is on no topic
+
+    def copy():
+        for newest in heard[-3:]:
+            for counter in (newest.counter, newest.counter + 1, newest.counter + 1000):
+                proofs.publish(LeaseProof(stamp=newest.stamp, counter=counter, proof=newest.proof))
+
+    timer = second.node.create_timer(0.05, copy)
     armed.lease = ""
     wait_until(lambda: armed.bridge.state == BridgeState.HOLD, 10.0, "HOLD")
     assert "first was silent" in armed.bridge.reason

@@ -8,8 +8,9 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.lifecycle import LifecycleNode
 from std_srvs.srv import Trigger
 
-from hardware_bridge.bridge import Bridge
 from hardware_bridge.errors import BridgeError, Refused
+from hardware_bridge.proofs import Verifier
+from hardware_bridge.remote_bridge import RemoteBridge
 from tensegrity_interfaces.msg import FaceObservation, LeaseProof
 from tensegrity_interfaces.srv import Arm, Disarm, SetFace
 from tensegrity_robot import qos
@@ -19,10 +20,10 @@ from tensegrity_robot.elsewhere import elsewhere
 class Owner(Protocol):
     """Who has the bridge."""
 
-    def bridge(self) -> Bridge:
+    def bridge(self) -> RemoteBridge:
         """The open bridge. Raises Refused: there is none, with what to do."""
 
-    def ready(self) -> Bridge:
+    def ready(self) -> RemoteBridge:
         """The bridge, if commands are taken. Raises Refused."""
 
     def confirmed_lengths_m(self) -> list[float | None] | None:
@@ -30,13 +31,13 @@ class Owner(Protocol):
 
 
 class BridgeCalls:
-    """Services of a node, and the lease's proofs."""
+    """Services of a node, but for `stop` (see `bridge_process`), and the lease's proofs."""
 
     def __init__(self, node: LifecycleNode, owner: Owner):
         self._node = node
         self._owner = owner
         self._lease = ""
-        node.create_service(Trigger, "stop", self._on_stop)
+        self._verifier: Verifier | None = None
         node.create_service(Disarm, "bridge/disarm", self._on_disarm)
         # These wait, for the judge of shapes and for the port; in the node's own group everything else would wait with them.
         node.create_service(Arm, "bridge/arm", self._on_arm, callback_group=ReentrantCallbackGroup())
@@ -54,18 +55,6 @@ class BridgeCalls:
         except BridgeError as error:
             self._node.get_logger().info(str(error))
 
-    def _on_stop(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        response.success = True
-        try:
-            bridge = self._owner.bridge()
-        except Refused:
-            response.message = "there is no open port, nothing can move"
-            return response
-        bridge.stop()
-        self._lease = ""
-        response.message = "FAULT is latched until reset; if anything still moves, cut the servo supply"
-        return response
-
     async def _on_arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
         try:
             bridge = self._owner.ready()
@@ -77,6 +66,8 @@ class BridgeCalls:
                 if self._owner.ready() is not bridge:
                     raise Refused("the bridge was opened anew meanwhile; arm again")
             self._lease = response.lease = bridge.arm(request.holder or "somebody", request.lifted_and_clear, lengths)
+            self._verifier = Verifier(self._lease)
+            response.session = bridge.snapshot().session
             response.success, response.message = True, "homing has begun; wait for ARMED in bridge/state"
         except BridgeError as error:
             response.message = str(error)
@@ -109,7 +100,9 @@ class BridgeCalls:
         return response
 
     def _on_proof(self, message: LeaseProof) -> None:
+        if self._verifier is None or not self._verifier.accepts(message.counter, message.proof.tobytes()):
+            return
         try:
-            self._owner.bridge().prove(message.lease)
+            self._owner.bridge().prove(self._lease)
         except BridgeError as error:
             self._node.get_logger().debug(str(error))

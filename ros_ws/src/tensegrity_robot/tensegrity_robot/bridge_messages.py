@@ -28,6 +28,7 @@ def struts_sent(event: SentEvent, header: Header) -> StrutsSent:
         pulse_us=event.pulses_us,
         duration_ms=event.duration_ms,
         frame=event.frame,
+        session=event.session,
     )
 
 
@@ -41,6 +42,7 @@ def face_observation(event: FaceEvent, header: Header) -> FaceObservation:
         source=event.source,
         settled=event.settled,
         detail=event.detail,
+        session=event.session,
     )
 
 
@@ -68,6 +70,7 @@ def bridge_state(snapshot: Snapshot, log: SessionLog | None, stamp: Time) -> Bri
         write_errors=snapshot.write_errors,
         battery_v=math.nan if snapshot.battery_mv is None else snapshot.battery_mv / 1e3,
         duty_left_s=snapshot.duty_left_s,
+        session=snapshot.session,
     )
 
 

@@ -451,6 +451,7 @@ class GaitPlannerNode(Node):
             trajectory=self._trajectory(knots),
             lease=self._lease.held,
             library_hash=self._library.hash,
+            session=self._lease.session,
         )
         self._struts.send_goal_async(goal).add_done_callback(lambda future: self._on_motion_answer(roll, future))
 

@@ -1,6 +1,7 @@
-"""The hardware bridge's node: a lifecycle node around `hardware_bridge.Bridge`, with the session's bag.
+"""The hardware bridge's node: a lifecycle node around a bridge, with the session's bag.
 
-One executor thread takes calls; frames, observer and disk have threads of their own, so that nothing slow stands before `stop`.
+Port and frame timer are in a process of their own, and so is the service `stop` (`bridge_process`): however long a message takes
+to be read here, frames go out in time. One executor thread takes calls; observer and disk have threads of their own.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from hardware_bridge.bridge import Bridge
 from hardware_bridge.codecs.registry import parse_board
 from hardware_bridge.errors import BridgeError, PortMissing, Refused
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.protocol import Mode
+from hardware_bridge.remote_bridge import HostProcess, RemoteBridge
 from hardware_bridge.trajectory import Trajectory
 from hardware_bridge.virtual_port import default_link, read_handshake
 from sim_core.errors import SimError
@@ -35,12 +36,14 @@ from tensegrity_robot import bridge_diagnostics, bridge_messages, messages, qos
 from tensegrity_robot.bridge_calls import BridgeCalls
 from tensegrity_robot.bridge_diagnostics import LogFacts
 from tensegrity_robot.bridge_parameters import BridgeParameters, rules_of, session_files
+from tensegrity_robot.bridge_process import COMMAND, StopService
 from tensegrity_robot.errors import StartError
 from tensegrity_robot.filters import EventTimes
 from tensegrity_robot.log_watch import LogWatch
 from tensegrity_robot.motion_conditions import MotionConditions
 from tensegrity_robot.motion_server import MotionServer
 from tensegrity_robot.observing import Observing
+from tensegrity_robot.other_bridges import OtherBridges
 from tensegrity_robot.parameters import declare_parameters
 from tensegrity_robot.process import End, run
 from tensegrity_robot.recorded_topics import RecordedTopics
@@ -62,10 +65,20 @@ class HardwareBridgeNode(LifecycleNode):
     """See the module."""
 
     def __init__(self, end: End):
+        self._host = HostProcess(COMMAND, self._on_host_end)
+        try:
+            self._make(end)
+        except BaseException:
+            self._host.close()
+            raise
+
+    def _make(self, end: End) -> None:
         super().__init__("hardware_bridge")
         self._end = end
         self._settings = p = declare_parameters(self, BridgeParameters)
-        self._bridge: Bridge | None = None
+        name, stop = self.get_name(), self.resolve_service_name("stop")
+        self._host.tell(tuple(StopService(f"{name}_stop", self.get_namespace(), stop, tuple(sys.argv[1:]))))
+        self._bridge: RemoteBridge | None = None
         self._conditions: MotionConditions | None = None
         self._shape_rule: ShapeRule | None = None
         self._times = EventTimes()
@@ -89,6 +102,7 @@ class HardwareBridgeNode(LifecycleNode):
 
     def _make_topics(self) -> None:
         self._topics = topics = RecordedTopics(self)
+        self._others = OtherBridges(self)
         self._asked = topics.publisher(JointTrajectory, "bridge/asked", qos.STATES)
         self._sent = topics.publisher(StrutsSent, "bridge/struts_sent", qos.STREAM)
         self._face = topics.publisher(FaceObservation, "bridge/face", qos.FACES)
@@ -122,9 +136,14 @@ class HardwareBridgeNode(LifecycleNode):
             except BridgeError as error:
                 self.get_logger().error(str(error))
 
+    def _on_host_end(self, how: str) -> None:
+        self.get_logger().fatal(f"the process with the port has ended ({how}): start the bridge again")
+        self._end(1)
+
     def close(self) -> None:
         """Ends threads and closes the bag."""
         self._close_bridge()
+        self._host.close()
         self._motions.destroy()
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -141,7 +160,15 @@ class HardwareBridgeNode(LifecycleNode):
         return super().on_configure(state)
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Commands are taken from now on; the supervisor stays DISARMED."""
+        """Commands are taken from now on; the supervisor stays DISARMED. Not beside another bridge of the same name."""
+        self._others.listen()
+        try:
+            self._others.require_none()
+        except Refused as error:
+            self._failure = error
+            if not self._settings.autostart:
+                self.get_logger().error(str(error))
+            return TransitionCallbackReturn.FAILURE
         self._active = True
         return super().on_activate(state)
 
@@ -173,8 +200,8 @@ class HardwareBridgeNode(LifecycleNode):
             return None
         if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self._hinted = False  # from now on its life is the operator's
-            self.trigger_activate()
-            return None
+            if self.trigger_activate() == TransitionCallbackReturn.SUCCESS:
+                return None
         ended_meanwhile = isinstance(self._failure, PortMissing) and not self._settings.port
         return None if ended_meanwhile else self._failure
 
@@ -187,7 +214,8 @@ class HardwareBridgeNode(LifecycleNode):
         attachments, facts = session_files(p) if p.record else ({}, {})
         self._times = EventTimes()
         self._topics.log = SessionLog(self._on_log_fault) if p.record else None
-        bridge = Bridge(
+        self._bridge = None
+        bridge = self._host.open(
             port,
             rules,
             board=parse_board(p.board),
@@ -198,11 +226,11 @@ class HardwareBridgeNode(LifecycleNode):
             on_face=self._on_bridge_face,
             on_state=self._on_bridge_state,
         )
-        bridge.open()
         self._bridge = bridge
         if self._latched:  # only reset leaves a fault, not another opening of the port
             bridge.stop(self._latched)
         snapshot = bridge.snapshot()
+        self._others.own(snapshot.session)
         kind = "the virtual prototype" if snapshot.virtual_port else "a real port"
         watch = None
         if self._topics.log is not None:
@@ -246,14 +274,14 @@ class HardwareBridgeNode(LifecycleNode):
     # ---- what the bridge tells, from its own threads, in order --------------------------------------------------------
 
     def _on_bridge_sent(self, event: SentEvent) -> None:
-        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
+        header = Header(stamp=messages.stamp(event.wall_ns), frame_id=self._settings.frame)
         self._topics.publish(self._sent, bridge_messages.struts_sent(event, header))
         self._topics.publish(self._joint_states, messages.joint_states(header.stamp, np.array(event.lengths_m)))
         self._times.add(event.seq, event.robot_time_ns)
         self._observing.heard(event)
 
     def _on_bridge_face(self, event: FaceEvent) -> None:
-        header = Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
+        header = Header(stamp=messages.stamp(event.wall_ns), frame_id=self._settings.frame)
         self._times.add(event.seq, event.robot_time_ns)
         self._topics.publish(self._face, bridge_messages.face_observation(event, header))
 
@@ -269,13 +297,13 @@ class HardwareBridgeNode(LifecycleNode):
 
     # ---- for its calls ----------------------------------------------------------------------------------------------
 
-    def bridge(self) -> Bridge:
+    def bridge(self) -> RemoteBridge:
         """The open bridge. Raises Refused."""
         if self._bridge is None:
             raise Refused(self._hint)
         return self._bridge
 
-    def ready(self) -> Bridge:
+    def ready(self) -> RemoteBridge:
         """The bridge, if commands are taken. Raises Refused."""
         bridge = self.bridge()
         if not self._active:
@@ -285,6 +313,7 @@ class HardwareBridgeNode(LifecycleNode):
     def confirmed_lengths_m(self) -> list[float | None] | None:
         """What an observer sees of struts of unknown length. Raises Refused: this robot must not be armed now."""
         snapshot, conditions = self.bridge().snapshot(), self._conditions
+        self._others.require_none()
         assert conditions is not None
         conditions.require_armable()
         return self._observing.unknown_lengths_m(snapshot)

@@ -11,6 +11,7 @@ from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.task import Future
 
+from hardware_bridge.proofs import Prover
 from tensegrity_interfaces.msg import BridgeState, LeaseProof
 from tensegrity_interfaces.srv import Arm, Disarm
 from tensegrity_robot import qos
@@ -29,11 +30,13 @@ class Lease:
 
     Attributes:
         held: the lease; empty: none.
+        session: the bridge's, that was armed.
     """
 
     def __init__(self, node: Node, clock: Clock, changed: Callable[[], None]):
         """Args: clock: of the timers, steady. changed: called when the lease was given back."""
-        self.held = ""
+        self.held = self.session = ""
+        self._prover = Prover("")
         self._node, self._clock, self._changed = node, clock, changed
         self._holder = ""
         self._seen = False
@@ -74,7 +77,8 @@ class Lease:
             response.message = "the hardware bridge did not answer: start it (ros2 run tensegrity_robot hardware_bridge)"
             return response
         if answer.success:
-            self.held, self._holder, self._seen = answer.lease, request.holder, False
+            self.held, self.session, self._holder, self._seen = answer.lease, answer.session, request.holder, False
+            self._prover = Prover(answer.lease)
             self._prove_life()
             answer.message = answer.message or "homing has begun; rolls are possible when bridge/state says ARMED"
             self._node.get_logger().info(f"armed for {request.holder}; homing")
@@ -124,4 +128,5 @@ class Lease:
 
     def _prove_life(self) -> None:
         if self.held:
-            self._proof.publish(LeaseProof(stamp=self._node.get_clock().now().to_msg(), lease=self.held))
+            counter, proof = self._prover.next()
+            self._proof.publish(LeaseProof(stamp=self._node.get_clock().now().to_msg(), counter=counter, proof=list(proof)))

@@ -33,6 +33,11 @@ def nanoseconds(stamp: Time) -> int:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
+def stamp(since_1970_ns: int) -> Time:
+    """ROS time of the computer's clock."""
+    return Time(sec=since_1970_ns // 1_000_000_000, nanosec=since_1970_ns % 1_000_000_000)
+
+
 def point(position_m: Array) -> Point:
     """A position, shape (3,)."""
     return Point(x=float(position_m[0]), y=float(position_m[1]), z=float(position_m[2]))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 
-from hardware_bridge.bridge import Bridge
 from hardware_bridge.calibration import load_calibration
 from hardware_bridge.errors import Refused
 from hardware_bridge.protocol import Mode
+from hardware_bridge.remote_bridge import RemoteBridge
 from hardware_bridge.trajectory import Trajectory
 from tensegrity_robot.log_watch import LogWatch
 from tensegrity_robot.observing import Observing
@@ -26,7 +26,7 @@ class MotionConditions:
         library_hash: of the library in the bag; empty: not recording.
     """
 
-    def __init__(self, bridge: Bridge, observing: Observing, watch: LogWatch | None, library_hash: str):
+    def __init__(self, bridge: RemoteBridge, observing: Observing, watch: LogWatch | None, library_hash: str):
         self._bridge = bridge
         self._observing = observing
         self.watch = watch

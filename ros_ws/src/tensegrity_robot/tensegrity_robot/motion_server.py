@@ -10,9 +10,9 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectory
 
-from hardware_bridge.bridge import Bridge
 from hardware_bridge.errors import BridgeError, Refused
 from hardware_bridge.motion import MotionHandle
+from hardware_bridge.remote_bridge import RemoteBridge
 from hardware_bridge.trajectory import Trajectory
 from tensegrity_interfaces.action import ExecuteStruts
 from tensegrity_robot import bridge_messages, messages
@@ -25,7 +25,7 @@ class MotionServer:
     def __init__(
         self,
         node: LifecycleNode,
-        ready: Callable[[], Bridge],
+        ready: Callable[[], RemoteBridge],
         permit: Callable[[Trajectory, str], None],
         accepted: Callable[[JointTrajectory], None],
     ):
@@ -38,7 +38,7 @@ class MotionServer:
         self._ready = ready
         self._permit = permit
         self._accepted = accepted
-        self._motions: list[tuple[ServerGoalHandle, Bridge, MotionHandle, Future]] = []
+        self._motions: list[tuple[ServerGoalHandle, RemoteBridge, MotionHandle, Future]] = []
         self._server = ActionServer(node, ExecuteStruts, "execute_struts", self._execute, cancel_callback=self._on_cancel)
 
     def destroy(self) -> None:
@@ -67,7 +67,10 @@ class MotionServer:
         lengths_m: tuple[float, ...] = (float("nan"),) * 6
         try:
             bridge = self._ready()
-            lengths_m = bridge.snapshot().lengths_m
+            snapshot = bridge.snapshot()
+            lengths_m = snapshot.lengths_m
+            if request.session and request.session != snapshot.session:
+                raise Refused(f"the goal is for session {request.session}, this bridge's is {snapshot.session}: arm again")
             now_ns = self._node.get_clock().now().nanoseconds
             age_s = (now_ns - messages.nanoseconds(request.trajectory.header.stamp)) * 1e-9
             trajectory = bridge_messages.trajectory_of(request.trajectory)

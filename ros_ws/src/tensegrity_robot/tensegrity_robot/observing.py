@@ -9,11 +9,11 @@ from geometry_msgs.msg import PoseArray
 from rclpy.lifecycle import LifecycleNode
 from std_msgs.msg import Header
 
-from hardware_bridge.bridge import Bridge
 from hardware_bridge.errors import BridgeError, StateError
 from hardware_bridge.events import SentEvent, Snapshot
 from hardware_bridge.observation import Observation
 from hardware_bridge.observer_client import ObserverClient
+from hardware_bridge.remote_bridge import RemoteBridge
 from sim_core.structure import STRUTS
 from tensegrity_interfaces.msg import FaceObservation
 from tensegrity_robot import bridge_messages, qos
@@ -93,7 +93,7 @@ class Observing:
         self._observed = topics.publisher(PoseArray, "bridge/observed_joints", qos.STATES)
         self._news = ObservationFilter()
         self._client: ObserverClient | None = None
-        self._bridge: Bridge | None = None
+        self._bridge: RemoteBridge | None = None
         self._source = FaceObservation.SOURCE_EXTERNAL
         self._lengths_m: tuple[float, ...] | None = None
         self._stall_limit_m = stall_limit_m
@@ -101,7 +101,7 @@ class Observing:
         self._published_s = 0.0
         self.there: bool | None = None
 
-    def begin(self, bridge: Bridge, given: str) -> None:
+    def begin(self, bridge: RemoteBridge, given: str) -> None:
         """Follow the observer that was given, else the virtual prototype's own, if there is one."""
         self._news, self._lengths_m, self._bridge = ObservationFilter(), None, bridge
         self._still = StillWatch()

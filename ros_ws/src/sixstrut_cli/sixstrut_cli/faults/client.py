@@ -18,6 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from hardware_bridge.proofs import Prover
 from sixstrut_cli.faults.processes import START_LIMIT_S, wait_until
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, Rehearsal, StrutsSent, TwinState
@@ -49,7 +50,8 @@ class Operator:
         self.diagnostics: dict[str, Any] = {}
         self.sent: list[Any] = []
         self.feedback: list[str] = []
-        self.lease = ""
+        self.lease = self._proven = ""
+        self._prover = Prover("")
         subscribe = self.node.create_subscription
         subscribe(BridgeState, "bridge/state", lambda message: setattr(self, "bridge", message), LATCHED)
         subscribe(TwinState, "twin/state", lambda message: setattr(self, "twin", message), 10)
@@ -84,8 +86,12 @@ class Operator:
             self._executor.spin()
 
     def _keep_alive(self) -> None:
-        if self.lease:
-            self._proof.publish(LeaseProof(stamp=self.node.get_clock().now().to_msg(), lease=self.lease))
+        if not self.lease:
+            return
+        if self._proven != self.lease:
+            self._proven, self._prover = self.lease, Prover(self.lease)
+        counter, proof = self._prover.next()
+        self._proof.publish(LeaseProof(stamp=self.node.get_clock().now().to_msg(), counter=counter, proof=list(proof)))
 
     def close(self) -> None:
         self._executor.shutdown()

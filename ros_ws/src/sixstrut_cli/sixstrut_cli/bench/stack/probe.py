@@ -22,6 +22,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from hardware_bridge.proofs import Prover
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.stack import Stack, wait_until
 from tensegrity_interfaces.action import ExecuteStruts
@@ -58,6 +59,7 @@ class Probe:
         self.twin: Any = None
         self.bridge: Any = None
         self._lease = ""
+        self._prover = Prover("")
         node.create_subscription(JointState, "twin/joint_states", self._on_tick, DEEP, raw=True)
         node.create_subscription(TwinState, "twin/state", self._on_twin, DEEP)
         node.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, DEEP)
@@ -109,7 +111,8 @@ class Probe:
 
     def _prove(self) -> None:
         if self._lease:
-            self._proof.publish(LeaseProof(stamp=self._node.get_clock().now().to_msg(), lease=self._lease))
+            counter, proof = self._prover.next()
+            self._proof.publish(LeaseProof(stamp=self._node.get_clock().now().to_msg(), counter=counter, proof=list(proof)))
 
     def wait(self, condition: Callable[[], object], what: str, limit_s: float = ANSWER_LIMIT_S) -> None:
         """Wait for a condition. Raises StackError naming `what`."""
@@ -135,7 +138,7 @@ class Probe:
         answer = self._result(self._arm.call_async(request), "an answer to arm")
         if not answer.success:
             raise StackError(f"arming was refused: {answer.message}")
-        self._lease = answer.lease
+        self._prover, self._lease = Prover(answer.lease), answer.lease
         self.wait(lambda: self.bridge.state == BridgeState.ARMED, "the end of homing", START_LIMIT_S)
 
     def move(self, lengths_m: list[float], seconds: float) -> tuple[Any, int]:
