@@ -1,8 +1,8 @@
 """A bridge in a process of its own: what owns the port and the frame timer shares its interpreter with nothing else.
 
 The other end of a connection (see ``remote_bridge``) opens it and calls it; what happens to the robot goes back over the same
-connection, in order. Nobody at the other end can keep a frame or a stop waiting: calls that may wait have threads of their own,
-events go out through a queue, and when the other end is gone, or reads nothing any more, the struts are held and the port is closed.
+connection, in order. Nobody at the other end can keep a frame or a stop waiting: calls that may wait have threads of their own, and
+events go out through a queue. When the other end is gone, or reads nothing any more, the struts are held and the port is closed.
 """
 
 from __future__ import annotations

@@ -170,8 +170,7 @@ class LeaseError(Refused):
     """Not the holder of the current lease."""
 
     def __init__(self, lease: str, problem: str) -> None:
-        self.lease = lease
-        super().__init__(f"lease {lease or '(none)'} refused: {problem}")
+        super().__init__(f"{'this lease' if lease else 'no lease'} is refused: {problem}")  # the lease itself is a secret
 
 
 class StaleError(Refused):

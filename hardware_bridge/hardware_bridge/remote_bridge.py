@@ -1,4 +1,4 @@
-"""The bridge as seen from another process: the same calls and callbacks, while port and frame timer live in a process of their own."""
+"""The bridge as seen from another process: the same calls and callbacks; port and frame timer are in a process of their own."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import Any
 from hardware_bridge.bridge_host import MOST_BYTES, Call, Happened, Judge, Opened, Opening, Reply, Verdict
 from hardware_bridge.checks import Rules, any_shape
 from hardware_bridge.codecs import Board
-from hardware_bridge.errors import BridgeError, StateError
+from hardware_bridge.errors import StateError
 from hardware_bridge.events import Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.motion import MotionHandle, MotionResult, Progress
 from hardware_bridge.trajectory import Trajectory

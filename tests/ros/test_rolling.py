@@ -122,12 +122,12 @@ def test_an_impossible_roll_is_refused_naming_what_is_valid(robot, goal, why):
 
 def test_a_command_without_the_lease_is_refused(robot):
     nobody = robot.move((1.0, NEUTRAL))
-    assert nobody.reason == "lease (none) refused: nobody holds a lease; arm first"
+    assert nobody.reason == "no lease is refused: nobody holds a lease; arm first"
     robot.arm()
     began = robot.now_ns()
     guessed = robot.move((1.0, [0.240] * 6), lease="0123456789abcdef")
     assert not guessed.success
-    assert guessed.reason == "lease 0123456789abcdef refused: test holds another one"
+    assert guessed.reason == "this lease is refused: test holds another one"
     assert not robot.wrote_since(began)
 
 

@@ -28,6 +28,7 @@ class LogFacts(NamedTuple):
         most_waiting: messages that ever waited for the disk at once.
         free_mb: free space where it is, in MB.
         trouble: why nothing is moved with it; empty: it is well.
+        dropped: messages of other nodes that were over their topic's quota.
     """
 
     path: str
@@ -35,6 +36,7 @@ class LogFacts(NamedTuple):
     most_waiting: int
     free_mb: float
     trouble: str
+    dropped: int = 0
 
 
 def diagnostics(
@@ -140,6 +142,7 @@ def _log(node: str, log: LogFacts | None, port: str) -> DiagnosticStatus:
         ("messages", log.messages),
         ("most waiting", log.most_waiting),
         ("free space [MB]", f"{log.free_mb:.0f}"),
+        ("not recorded, over quota", log.dropped),
     )
     return _status(f"{node}: log", ERROR if log.trouble else OK, log.trouble or "growing", port, values)
 

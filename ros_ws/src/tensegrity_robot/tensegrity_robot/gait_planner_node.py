@@ -15,7 +15,6 @@ from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalRespons
 from rclpy.action.server import ServerGoalHandle
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
-from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Header
@@ -40,7 +39,8 @@ from tensegrity_robot.face_graph_service import serve_face_graph
 from tensegrity_robot.filters import EventTimes
 from tensegrity_robot.knots import Knot, constant_speed_knots
 from tensegrity_robot.lease import CALL_TIMEOUT_S, Lease
-from tensegrity_robot.messages import STRUT_NAMES, nanoseconds
+from tensegrity_robot.live_bridge import LiveBridge
+from tensegrity_robot.messages import STRUT_NAMES
 from tensegrity_robot.parameters import declare_parameters, parameter
 from tensegrity_robot.process import End, run
 from tensegrity_robot.rehearse_service import serve_rehearse, wanted_gait
@@ -133,13 +133,13 @@ class GaitPlannerNode(Node):
         self._observed: FaceObservation | None = None
         self._observer = False
         self._events = EventTimes()
-        self._renewed = False
+        self._live = LiveBridge(self.get_logger().warning, self._forget_times)
         self._roll: _Running | None = None
 
         self.create_subscription(BridgeState, "bridge/state", self._on_bridge_state, qos.LATCHED)
-        found = SubscriptionEventCallbacks(matched=self._on_bridge_found)
-        self.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, qos.STATES, event_callbacks=found)
-        self.create_subscription(FaceObservation, "bridge/face", self._on_face, qos.FACES)
+        live = self._live.takes
+        self.create_subscription(StrutsSent, "bridge/struts_sent", lambda event: live(event, self._on_sent), qos.STATES)
+        self.create_subscription(FaceObservation, "bridge/face", lambda event: live(event, self._on_face), qos.FACES)
         self.create_subscription(TwinState, "twin/state", self._on_twin, qos.STATES)
         self._lease = Lease(self, self._steady, self._look)
         self._struts = ActionClient(self, ExecuteStruts, "execute_struts")
@@ -184,26 +184,21 @@ class GaitPlannerNode(Node):
     # ---- what is known ----------------------------------------------------------------------------------------------
 
     def _on_bridge_state(self, message: BridgeState) -> None:
+        if not self._live.hears(message, self.get_clock().now().nanoseconds):
+            return
         self._bridge = message
         self._lease.follow(message)
         self._look()
 
-    def _on_bridge_found(self, change: QoSSubscriptionMatchedInfo) -> None:
-        self._renewed = self._renewed or change.current_count_change > 0
-
     def _on_sent(self, message: StrutsSent) -> None:
-        before = self._sent
-        if before is not None and (self._renewed or message.robot_time_ns < before.robot_time_ns):
-            self._forget_times(before)
-        self._sent, self._renewed = message, False
+        self._sent = message
         self._events.add(message.seq, message.robot_time_ns)
 
-    def _forget_times(self, before: StrutsSent) -> None:
+    def _forget_times(self) -> None:
         """Another bridge, another clock: what was known stays known, but nothing of it is newer than a motion of now."""
-        self._events, self._twin = EventTimes(), None
-        seen = self._observed
-        if seen is not None and nanoseconds(seen.header.stamp) <= nanoseconds(before.header.stamp):
-            seen.robot_time_ns = LONG_AGO
+        self._events, self._twin, self._sent = EventTimes(), None, None
+        if self._observed is not None:
+            self._observed.robot_time_ns = LONG_AGO
 
     def _on_face(self, message: FaceObservation) -> None:
         self._observed = message
@@ -220,7 +215,11 @@ class GaitPlannerNode(Node):
 
     def _view(self) -> View:
         newest = self._twin_newest
-        if newest is not None and self._events.has(newest.last_seq, newest.robot_time_ns):
+        if (
+            newest is not None
+            and newest.session in ("", self._live.session)
+            and self._events.has(newest.last_seq, newest.robot_time_ns)
+        ):
             self._twin = newest  # it follows this bridge, and no further than we know ourselves
         sent, twin, seen = self._sent, self._twin, self._observed
         return View(

@@ -79,6 +79,7 @@ class HardwareBridgeNode(LifecycleNode):
         name, stop = self.get_name(), self.resolve_service_name("stop")
         self._host.tell(tuple(StopService(f"{name}_stop", self.get_namespace(), stop, tuple(sys.argv[1:]))))
         self._bridge: RemoteBridge | None = None
+        self._session = ""
         self._conditions: MotionConditions | None = None
         self._shape_rule: ShapeRule | None = None
         self._times = EventTimes()
@@ -207,6 +208,10 @@ class HardwareBridgeNode(LifecycleNode):
 
     def _open_bridge(self) -> None:
         p = self._settings
+        if self.get_parameter("use_sim_time").value:
+            raise BridgeError(
+                "use_sim_time is true: a robot, its goals and its bag go by the computer's clock; leave it false here"
+            )
         port = p.port or str(default_link())
         if self._shape_rule is None:
             self._shape_rule = ShapeRule(p.prototype_file, p.slack_limit)
@@ -230,6 +235,7 @@ class HardwareBridgeNode(LifecycleNode):
         if self._latched:  # only reset leaves a fault, not another opening of the port
             bridge.stop(self._latched)
         snapshot = bridge.snapshot()
+        self._session = snapshot.session
         self._others.own(snapshot.session)
         kind = "the virtual prototype" if snapshot.virtual_port else "a real port"
         watch = None
@@ -329,7 +335,8 @@ class HardwareBridgeNode(LifecycleNode):
     def _follows_this_stream(self, data: bytes) -> bool:
         """Not the state of a twin that still stands where an earlier bridge's stream ended: its numbers mean other events."""
         state = deserialize_message(data, TwinState)
-        return self._times.has(state.last_seq, state.robot_time_ns)
+        ours = self._bridge is None or state.session in ("", self._session)
+        return ours and self._times.has(state.last_seq, state.robot_time_ns)
 
     def _tell_state(self, snapshot: Snapshot) -> None:
         stamp = self.get_clock().now().to_msg()
@@ -360,7 +367,9 @@ class HardwareBridgeNode(LifecycleNode):
         watch = None if self._conditions is None else self._conditions.watch
         log = None
         if told is not None and watch is not None:
-            log = LogFacts(str(told.path), told.messages, told.most_waiting, watch.free_mb, watch.trouble)
+            log = LogFacts(
+                str(told.path), told.messages, told.most_waiting, watch.free_mb, watch.trouble, sum(self._topics.dropped.values())
+            )
         snapshot = None if self._bridge is None else self._bridge.snapshot()
         stamp = self.get_clock().now().to_msg()
         stalled = "" if snapshot is None else self._observing.stalled(snapshot)

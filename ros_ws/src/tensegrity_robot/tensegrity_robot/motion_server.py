@@ -16,6 +16,7 @@ from hardware_bridge.remote_bridge import RemoteBridge
 from hardware_bridge.trajectory import Trajectory
 from tensegrity_interfaces.action import ExecuteStruts
 from tensegrity_robot import bridge_messages, messages
+from tensegrity_robot.bounded_goals import TooLong, bound_goals
 from tensegrity_robot.elsewhere import elsewhere
 
 
@@ -38,6 +39,7 @@ class MotionServer:
         self._ready = ready
         self._permit = permit
         self._accepted = accepted
+        bound_goals()
         self._motions: list[tuple[ServerGoalHandle, RemoteBridge, MotionHandle, Future]] = []
         self._server = ActionServer(node, ExecuteStruts, "execute_struts", self._execute, cancel_callback=self._on_cancel)
 
@@ -67,6 +69,8 @@ class MotionServer:
         lengths_m: tuple[float, ...] = (float("nan"),) * 6
         try:
             bridge = self._ready()
+            if isinstance(request, TooLong):
+                raise Refused(request.why)
             snapshot = bridge.snapshot()
             lengths_m = snapshot.lengths_m
             if request.session and request.session != snapshot.session:

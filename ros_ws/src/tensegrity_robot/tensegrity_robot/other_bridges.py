@@ -12,13 +12,11 @@ from rclpy.lifecycle import LifecycleNode
 
 from hardware_bridge.errors import Refused
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_robot import messages, qos
+from tensegrity_robot import qos
+from tensegrity_robot.live_bridge import is_fresh
 
 HEARD_S = 1.5
 """A bridge that has not been heard for so long is none: three of its periods."""
-
-FRESH_S = 2.0
-"""What is older when it comes was recorded, or kept for latecomers."""
 
 LISTEN_S = 0.8
 """Whoever is there is met, and heard, within this time after the node was made."""
@@ -45,8 +43,8 @@ class OtherBridges:
             if session not in self._own and now - heard_s < HEARD_S:
                 name = self._node.resolve_topic_name("bridge/state")
                 raise Refused(
-                    f"another bridge, with port {port}, answers to the same names ({name}): end it, or start this one in a namespace "
-                    "or ROS domain of its own"
+                    f"another bridge, with port {port}, answers to the same names ({name}): end it, or start this one in a "
+                    "namespace or ROS domain of its own"
                 )
 
     def listen(self) -> None:
@@ -60,8 +58,7 @@ class OtherBridges:
                 self._hear(taken[0])
 
     def _hear(self, state: BridgeState) -> None:
-        age_s = (self._node.get_clock().now().nanoseconds - messages.nanoseconds(state.header.stamp)) * 1e-9
-        if state.session and abs(age_s) < FRESH_S:
+        if state.session and is_fresh(state.header.stamp, self._node.get_clock().now().nanoseconds):
             self._heard[state.session] = (time.monotonic(), state.port)
             while len(self._heard) > 20:
                 del self._heard[next(iter(self._heard))]

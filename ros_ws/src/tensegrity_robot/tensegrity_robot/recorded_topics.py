@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
@@ -11,6 +12,7 @@ from rclpy.qos import QoSProfile
 
 from tensegrity_robot import qos
 from tensegrity_robot.cdr import wire_bytes
+from tensegrity_robot.quota import Quota
 from tensegrity_robot.session_log import SessionLog
 
 
@@ -34,6 +36,12 @@ class RecordedTopics:
         self._node = node
         self.log: SessionLog | None = None
         self.types: dict[str, tuple[str, bool]] = {}
+        self._quotas: dict[str, Quota] = {}
+
+    @property
+    def dropped(self) -> dict[str, int]:
+        """Messages of other nodes that were over their topic's quota, by topic."""
+        return {name: quota.dropped for name, quota in self._quotas.items() if quota.dropped}
 
     def publisher(self, kind: Any, topic: str, profile: QoSProfile) -> Recorded:
         """A publisher for `publish`."""
@@ -42,12 +50,18 @@ class RecordedTopics:
         return Recorded(publisher, publisher.topic_name, type_name)
 
     def record(self, kind: Any, topic: str, profile: QoSProfile, wanted: Callable[[bytes], bool] = lambda data: True) -> None:
-        """Record what another node publishes, if it is wanted."""
+        """Record what another node publishes, as far as its quota goes, if it is wanted."""
         name = self._node.resolve_topic_name(topic)
         type_name = self._add(kind, name, profile)
+        quota = self._quotas[name] = Quota()
 
         def record(data: bytes) -> None:
-            if self.log is not None and wanted(data):  # wanted may be slow: not for nothing
+            if self.log is None:
+                return
+            if not quota.takes(len(data), time.monotonic()):
+                if quota.dropped == 1:
+                    self._node.get_logger().warning(f"{name}: more, or longer, than the bag takes; the rest is not recorded")
+            elif wanted(data):  # it may be slow: not for nothing
                 self._write(name, type_name, data)
 
         self._node.create_subscription(kind, topic, record, profile, raw=True)

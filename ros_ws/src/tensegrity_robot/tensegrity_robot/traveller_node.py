@@ -37,6 +37,7 @@ from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import FaceGraph
 from tensegrity_robot import qos
 from tensegrity_robot.errors import StartError
+from tensegrity_robot.live_bridge import FRESH_S, LiveBridge, age_s, is_fresh
 from tensegrity_robot.parameters import declare_parameters, parameter
 from tensegrity_robot.process import End, run
 from tensegrity_robot.travelling import End as JourneyEnd
@@ -109,8 +110,10 @@ class TravellerNode(Node):
         self._next: PoseStamped | None = None
         self._waiting: list[tuple[Callable[[], object], float, Future]] = []
 
-        self.create_subscription(BridgeState, "bridge/state", self._keep("_bridge"), qos.LATCHED)
-        self.create_subscription(FaceObservation, "bridge/face", self._keep("_face"), qos.FACES)
+        self._live = live = LiveBridge(self.get_logger().warning)
+        keep = self._keep("_face")
+        self.create_subscription(BridgeState, "bridge/state", self._on_bridge_state, qos.LATCHED)
+        self.create_subscription(FaceObservation, "bridge/face", lambda event: live.takes(event, keep), qos.FACES)
         self.create_subscription(TwinState, "twin/state", self._keep("_twin"), qos.STATES)
         self.create_subscription(PoseArray, "twin/joints", self._keep_joints("_twin_joints"), qos.STATES)
         self.create_subscription(PoseArray, "bridge/observed_joints", self._keep_joints("_seen_joints"), qos.STATES)
@@ -146,8 +149,14 @@ class TravellerNode(Node):
     def _keep(self, name: str) -> Callable[[Any], None]:
         return lambda message: setattr(self, name, message)
 
+    def _on_bridge_state(self, message: BridgeState) -> None:
+        if self._live.hears(message, self.get_clock().now().nanoseconds):
+            self._bridge = message
+
     def _keep_joints(self, name: str) -> Callable[[PoseArray], None]:
         def keep(message: PoseArray) -> None:
+            if not is_fresh(message.header.stamp, self.get_clock().now().nanoseconds):
+                return  # of a recording
             places = np.array([(p.position.x, p.position.y, p.position.z) for p in message.poses[:12]])
             setattr(self, name, (time.monotonic(), places))
 
@@ -190,9 +199,17 @@ class TravellerNode(Node):
             return "the goal is no place: x and y must be numbers"
         return ""
 
+    def _staleness(self, goal: PoseStamped) -> str:
+        """Why a goal of a topic was not meant for now; empty: it was. Recordings are played, and must move nothing."""
+        now_ns, stamp = self.get_clock().now().nanoseconds, goal.header.stamp
+        if is_fresh(stamp, now_ns):
+            return ""
+        found = f"it was stamped {age_s(stamp, now_ns):.1f} s ago" if stamp.sec or stamp.nanosec else "it has no stamp"
+        return f"{found}, valid is {FRESH_S:g} s (in `ros2 topic pub`: header: auto)"
+
     def _on_goal_pose(self, goal: PoseStamped) -> None:
         """A click in a viewer: travels there, instead of where it travels now."""
-        why = self._refusal(goal)
+        why = self._refusal(goal) or self._staleness(goal)
         if why:
             self.get_logger().warning(f"goal_pose ignored: {why}")
             return
