@@ -30,6 +30,9 @@ _log = logging.getLogger(__name__)
 MOST_BYTES = 8 * 1024 * 1024
 """Of one message in either direction: the longest trajectory has a few hundred kB."""
 
+REFRESH_S = 0.1
+"""Wall time between snapshots that nobody asks for: the other end looks at the newest, and never waits for one."""
+
 MOST_WAITING = 20_000
 """Events that wait for the other end, a quarter of an hour of them: then it will never read them."""
 
@@ -48,6 +51,7 @@ class Opened(NamedTuple):
 
     observer: str | None
     board_timeout_s: float | None
+    snapshot: Snapshot
 
 
 class Call(NamedTuple):
@@ -86,6 +90,13 @@ class Happened(NamedTuple):
     event: Any
 
 
+class Refreshed(NamedTuple):
+    """From the host, every ``REFRESH_S``: the bridge now, and how far its motions are, by number."""
+
+    snapshot: Snapshot
+    motions: dict[int, Progress]
+
+
 class BridgeHost:
     """Serves one connection with one bridge at a time. ``stop`` may be called from any thread."""
 
@@ -112,15 +123,14 @@ class BridgeHost:
             "hold": (lambda reason: self._present.hold(reason), False),
             "stop": (lambda reason: self._present.stop(reason), False),
             "observe_face": (lambda *words: self._present.observe_face(*words), False),
-            "snapshot": (lambda: self._present.snapshot(), False),
             "returns": (lambda trajectory: self._present.returns(_checked(trajectory)), False),
             "cancel": (self._cancel, False),
-            "progress": (self._progress, False),
         }
 
     def serve(self) -> None:
         """Does what the other end asks until it is gone; then closes the bridge, struts held."""
         self._writer.start()
+        threading.Thread(target=self._refresh, name="refresh", daemon=True).start()
         try:
             while True:
                 message = pickle.loads(self._connection.recv_bytes(MOST_BYTES))
@@ -186,11 +196,14 @@ class BridgeHost:
         except BaseException:
             self._is_open = False
             raise
-        return Opened(bridge.observer, bridge.board_timeout_s)
+        return Opened(bridge.observer, bridge.board_timeout_s, bridge.snapshot())
 
     def _close(self) -> None:
         self._is_open = False
-        self._present.close()
+        try:
+            self._present.close()
+        finally:
+            self._tell(Refreshed(self._present.snapshot(), {}))
 
     def _judge_motion(self, trajectory: Trajectory, lease: str) -> None:
         self._present.judge_motion(_checked(trajectory), lease)
@@ -207,10 +220,6 @@ class BridgeHost:
         if handle is not None:
             handle.cancel(reason)
 
-    def _progress(self, number: int) -> Progress | None:
-        handle = self._motions.get(number)
-        return None if handle is None else handle.progress()
-
     # ---- what the other end is told -----------------------------------------------------------------------------------
 
     def _on_state(self, snapshot: Snapshot) -> None:
@@ -224,6 +233,16 @@ class BridgeHost:
                 del self._motions[number]
                 assert isinstance(result, MotionResult)
                 self._tell(Happened((number, result)))
+
+    def _refresh(self) -> None:
+        ended = threading.Event()
+        while not ended.wait(REFRESH_S):
+            bridge = self._bridge
+            if bridge is not None and self._is_open:
+                with self._lock:
+                    handles = dict(self._motions)
+                motions = {number: handle.progress() for number, handle in handles.items()}
+                self._tell(Refreshed(bridge.snapshot(), motions))
 
     def _ask(self, lengths_m: tuple[float, ...]) -> str | None:
         answer: SimpleQueue[str | None] = SimpleQueue()

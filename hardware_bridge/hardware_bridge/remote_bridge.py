@@ -14,7 +14,7 @@ from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any
 
-from hardware_bridge.bridge_host import MOST_BYTES, Call, Happened, Judge, Opened, Opening, Reply, Verdict
+from hardware_bridge.bridge_host import MOST_BYTES, Call, Happened, Judge, Opened, Opening, Refreshed, Reply, Verdict
 from hardware_bridge.checks import Rules, any_shape
 from hardware_bridge.codecs import Board
 from hardware_bridge.errors import StateError
@@ -71,7 +71,7 @@ class HostProcess:
         return self._child.pid
 
     def tell(self, message: Any) -> None:
-        """Sends the program something before it serves."""
+        """Sends the program something that has no answer."""
         self._send(message)
 
     def open(
@@ -91,7 +91,8 @@ class HostProcess:
         # The judge of shapes stays here: it is slow, and needs what the host must not load.
         opening = Opening(port, replace(rules, shape_check=any_shape), {"board": board, **options})
         opened: Opened = self.call("open", opening)
-        bridge.observer, bridge.board_timeout_s = opened
+        bridge.observer, bridge.board_timeout_s = opened.observer, opened.board_timeout_s
+        bridge.refreshed(Refreshed(opened.snapshot, {}))
         return bridge
 
     def call(self, name: str, *arguments: Any) -> Any:
@@ -147,6 +148,8 @@ class HostProcess:
                         asked.done.set()
                 elif isinstance(message, Judge):
                     self._judging.put(message)
+                elif isinstance(message, Refreshed) and self._bridge is not None:
+                    self._bridge.refreshed(message)
                 elif isinstance(message, Happened) and self._bridge is not None:
                     self._bridge.happened(message.event)
         except (EOFError, OSError):
@@ -193,6 +196,8 @@ class RemoteBridge:
         self._motions: dict[int, MotionHandle] = {}
         self._ends: dict[int, MotionResult] = {}
         self._lock = threading.Lock()
+        self._snapshot: Snapshot | None = None
+        self._progresses: dict[int, Progress] = {}
 
     def close(self) -> None:
         """As ``Bridge.close``."""
@@ -219,8 +224,8 @@ class RemoteBridge:
         self._host.call("disarm", lease)
 
     def prove(self, lease: str) -> None:
-        """As ``Bridge.prove``."""
-        self._host.call("prove", lease)
+        """As ``Bridge.prove``, but waits for no answer: a proof that is refused is as good as none."""
+        self._host.tell(Call(0, "prove", (lease,)))
 
     def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0) -> MotionHandle:
         """As ``Bridge.execute``."""
@@ -251,9 +256,9 @@ class RemoteBridge:
         return event
 
     def snapshot(self) -> Snapshot:
-        """As ``Bridge.snapshot``."""
-        snapshot: Snapshot = self._host.call("snapshot")
-        return snapshot
+        """As ``Bridge.snapshot``, at most ``REFRESH_S`` old; every change of state is in it at once. Waits for nothing."""
+        assert self._snapshot is not None
+        return self._snapshot
 
     def happened(self, event: Any) -> None:
         """For the host: something happened."""
@@ -262,6 +267,7 @@ class RemoteBridge:
         elif isinstance(event, FaceEvent):
             self._callbacks.face(event)
         elif isinstance(event, Snapshot):
+            self._keep(event)
             self._callbacks.state(event)
         else:
             number, result = event
@@ -272,14 +278,27 @@ class RemoteBridge:
                 else:
                     handle.finish(result)
 
+    def refreshed(self, news: Refreshed) -> None:
+        """For the host: how things are."""
+        self._progresses = news.motions
+        self._keep(news.snapshot)
+
+    def _keep(self, snapshot: Snapshot) -> None:
+        """The newest by the robot's clock: one may have been made before another, and come after it."""
+        with self._lock:
+            if self._snapshot is None or snapshot.robot_time_ns >= self._snapshot.robot_time_ns:
+                self._snapshot = snapshot
+
     def _progress(self, handle: MotionHandle) -> Progress:
-        progress: Progress | None = self._host.call("progress", handle.number)
-        if progress is not None:
-            handle.sent_s = progress.elapsed_s
-            return progress
-        result = handle.result()
-        lengths_m = self.snapshot().lengths_m if result is None else result.lengths_m
-        return Progress(1.0 if result is not None and result.success else 0.0, handle.sent_s, handle.duration_s, lengths_m)
+        newest, result = self._progresses.get(handle.number), handle.result()
+        if newest is not None:
+            handle.sent_s = newest.elapsed_s
+        if result is not None and result.success:
+            handle.sent_s = handle.duration_s
+        fraction = 1.0 if handle.duration_s == 0 else handle.sent_s / handle.duration_s
+        return Progress(
+            fraction, handle.sent_s, handle.duration_s, self.snapshot().lengths_m if newest is None else newest.lengths_m
+        )
 
 
 def serve_connection(descriptor: int) -> Connection:

@@ -49,7 +49,7 @@ _kept: list[Any] = []
 
 
 def bound_goals() -> None:
-    """From now on a goal request of more than `MAX_KNOTS` points comes as a `TooLong`. To be called before the action server is made."""
+    """A goal request of more than `MAX_KNOTS` points comes as a `TooLong`; to be called before the action server is made."""
     request_type = ExecuteStruts.Impl.SendGoalService.Request
     meta = type(request_type)
     if meta._CONVERT_TO_PY is None:
