@@ -354,8 +354,21 @@ class HardwareBridgeNode(LifecycleNode):
             if failure is not None:
                 self.get_logger().fatal(str(failure))
                 self._end(1)
+        self._yield_to_another()
         self._attend_log()
         self._publish_diagnostics()
+
+    def _yield_to_another(self) -> None:
+        """Whoever started while another bridge was there gives way, though it heard it late."""
+        bridge = self._bridge
+        if bridge is None or not (self._active and self._others.may_be_late) or bridge.snapshot().mode is not Mode.DISARMED:
+            return
+        try:
+            self._others.require_none()
+        except Refused as error:
+            self._active = False
+            self.get_logger().fatal(str(error))
+            self._end(1)
 
     def _attend_log(self) -> None:
         conditions = self._conditions

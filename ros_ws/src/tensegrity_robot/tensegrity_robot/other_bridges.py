@@ -19,7 +19,10 @@ HEARD_S = 1.5
 """A bridge that has not been heard for so long is none: three of its periods."""
 
 LISTEN_S = 0.8
-"""Whoever is there is met, and heard, within this time after the node was made."""
+"""Whoever is there is met, and heard, within this time after the node was made, on a computer that has time for it."""
+
+LATE_S = 10.0
+"""Whoever was not met in time is met within this time."""
 
 
 class OtherBridges:
@@ -47,15 +50,22 @@ class OtherBridges:
                     "namespace or ROS domain of its own"
                 )
 
+    @property
+    def may_be_late(self) -> bool:
+        """Another one may have been there before, and is only heard now."""
+        return time.monotonic() - self._made_s < LATE_S
+
     def listen(self) -> None:
         """Wait until every bridge that is there must have been heard. In the executor's thread, or before there is one."""
-        while time.monotonic() - self._made_s < LISTEN_S:
+        while True:
             with self._states.handle:
                 taken = self._states.handle.take_message(BridgeState, False)
-            if taken is None:
-                time.sleep(0.01)
-            else:
+            if taken is not None:
                 self._hear(taken[0])
+            elif time.monotonic() - self._made_s > LISTEN_S:
+                return
+            else:
+                time.sleep(0.01)
 
     def _hear(self, state: BridgeState) -> None:
         if state.session and is_fresh(state.header.stamp, self._node.get_clock().now().nanoseconds):

@@ -1,8 +1,8 @@
-"""Somebody who publishes one message as fast as the computer can, until the process is ended.
+"""Somebody who says too much: one message as fast as the computer can, until the process is ended, or one motion of many points.
 
-    python -m sixstrut_cli.faults.flood bridge/lease tensegrity_interfaces/msg/LeaseProof
-
-The size of a text or list field can be given, to make each message large: `twin/markers visualization_msgs/msg/MarkerArray 100000`.
+python -m sixstrut_cli.faults.flood bridge/lease tensegrity_interfaces/msg/LeaseProof
+python -m sixstrut_cli.faults.flood twin/markers visualization_msgs/msg/MarkerArray 100000     # bytes of text in each
+python -m sixstrut_cli.faults.flood execute_struts 300000                                       # points; says the reason
 """
 
 from __future__ import annotations
@@ -12,11 +12,14 @@ import time
 from typing import Any
 
 import rclpy
+from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from sixstrut_cli.ros_types import message_class
+from tensegrity_interfaces.action import ExecuteStruts
 
 LATE_S = 20.0
 
@@ -35,8 +38,28 @@ def flooding(kind: Any, size: int) -> bytes:
     return bytes(serialize_message(message))
 
 
+def send_points(count: int) -> None:
+    """Send one motion; says "flooding" before, and why it was refused."""
+    node = Node("flood")
+    client = ActionClient(node, ExecuteStruts, "execute_struts")
+    if not client.wait_for_server(LATE_S):
+        sys.exit("nobody offers execute_struts")
+    points = [JointTrajectoryPoint(positions=[0.234] * 6)] * count
+    goal = ExecuteStruts.Goal(trajectory=JointTrajectory(joint_names=[f"S{n}" for n in range(1, 7)], points=points))
+    print("flooding", flush=True)
+    sent = client.send_goal_async(goal)
+    rclpy.spin_until_future_complete(node, sent)
+    ended = sent.result().get_result_async()
+    rclpy.spin_until_future_complete(node, ended)
+    print(ended.result().result.reason, flush=True)
+
+
 def main(words: list[str]) -> None:
     """Flood a topic; says "flooding" once it is heard."""
+    if words[0] == "execute_struts":
+        rclpy.init()
+        send_points(int(words[1]))
+        return
     topic, type_name, size = words[0], words[1], int(words[2]) if len(words) > 2 else 0
     rclpy.init()
     node = Node("flood")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sixstrut_cli.faults import rows_board, rows_command, rows_link, rows_session
+from sixstrut_cli.faults import rows_board, rows_command, rows_link, rows_session, rows_strangers
 from sixstrut_cli.faults.scenario import Scenario
 
 SCENARIOS: tuple[Scenario, ...] = (
@@ -77,10 +77,10 @@ SCENARIOS: tuple[Scenario, ...] = (
     ),
     Scenario(
         10,
-        "The clock jumps or stands still (`use_sim_time`, `/clock`)",
-        "Frames, lease and heartbeat run on the steady clock and do not notice. Only the stamps of commands are compared "
-        "with ROS time: a command from another clock is refused as old.",
-        "Start all nodes with the same `use_sim_time`.",
+        "Somebody's clock is another one (`use_sim_time`, `/clock`)",
+        "Frames, lease and heartbeat run on the steady clock. A bridge with `use_sim_time` ends with one line, a command from "
+        "another clock is refused as old, and `/clock` beside it does nothing.",
+        "Leave `use_sim_time` false for a robot; set the computers' clocks.",
         rows_command.other_clocks,
     ),
     Scenario(
@@ -146,9 +146,32 @@ SCENARIOS: tuple[Scenario, ...] = (
         "Start everything with the same files.",
         rows_session.what_does_not_go_together,
     ),
+    Scenario(
+        19,
+        "Stop is pressed while the bridge is flooded, or stands still over a message of 300,000 points",
+        "Port, frame timer and stop are in a process that reads no other message: at most one frame goes out, then the one that "
+        "holds. Too long a goal is refused by its size; what others publish goes into the bag within a quota.",
+        "Find out who sends it.",
+        rows_strangers.stop_under_load,
+    ),
+    Scenario(
+        20,
+        "A recording is played beside the robot, under the live names",
+        "Nothing moves and nobody is misled: what has old stamps or belongs to another session of a bridge is ignored, with one "
+        "warning; a `goal_pose` without a fresh stamp is refused.",
+        "Play bags in a ROS domain of their own.",
+        rows_strangers.recording_played,
+    ),
+    Scenario(
+        21,
+        "Another robot's bridge answers to the same names",
+        "The second one ends with exit code 1; while both are heard, neither is armed.",
+        "A namespace or a ROS domain for each robot.",
+        rows_strangers.second_bridge,
+    ),
 )
 
-RUNNING_ORDER = (1, 4, 5, 6, 7, 9, 16, 14, 18, 15, 10, 11, 12, 17, 13, 2, 3, 8)
+RUNNING_ORDER = (1, 4, 5, 6, 7, 9, 21, 19, 16, 14, 18, 15, 10, 11, 12, 17, 20, 13, 2, 3, 8)
 """So that as many as can share a stack, and those that kill it come last."""
 
 

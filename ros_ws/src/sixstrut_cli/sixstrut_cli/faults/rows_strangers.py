@@ -1,0 +1,159 @@
+"""Rows about messages that nobody of the stack sent: too long, too many, recorded, or of another bridge."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from typing import Any
+
+from sixstrut_cli.faults.client import LATCHED
+from sixstrut_cli.faults.lab import ROLLING, STRUTS, Lab, stretched
+from sixstrut_cli.faults.processes import Process, wait_until
+from sixstrut_cli.faults.rows_link import last_line
+from sixstrut_cli.faults.scenario import Evidence, expect
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent
+
+MOST_FRAMES = 2
+"""After a stop was called: one that was being written, and the one that holds."""
+
+POINTS = 300_000
+
+FLOODS: dict[str, tuple[str, ...]] = {
+    f"a goal of {POINTS} points": ("execute_struts", str(POINTS)),
+    "a flood of bridge/lease": ("bridge/lease", "tensegrity_interfaces/msg/LeaseProof"),
+    "a flood of twin/state": ("twin/state", "tensegrity_interfaces/msg/TwinState"),
+    "a flood of goal_pose": ("goal_pose", "geometry_msgs/msg/PoseStamped"),
+    "a flood of large twin/markers": ("twin/markers", "visualization_msgs/msg/MarkerArray", "100000"),
+}
+"""What is sent, and the words of `flood`."""
+
+
+@contextmanager
+def flood(lab: Lab, *words: str) -> Iterator[Process]:
+    """Somebody says too much while the block lasts."""
+    environ = {"ROS_DOMAIN_ID": str(lab.domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    program = [sys.executable, "-m", "sixstrut_cli.faults.flood", *words]
+    process = Process("flood", folder=lab.folder, environ=environ, program=program)
+    try:
+        process.says("flooding")
+        yield process
+    finally:
+        process.kill()
+
+
+@contextmanager
+def frozen(lab: Lab) -> Iterator[None]:
+    """The bridge's node stands still, as it would while it reads something endless."""
+    pid = lab.node("hardware_bridge").pid
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(pid, signal.SIGCONT)
+
+
+def stop_in_mid_motion(lab: Lab, load: Callable[[], Any]) -> tuple[float, int]:
+    """Stops a motion under a load: time from the call to the last bytes in ms, and frames sent after the call."""
+    operator = lab.operator
+    lease = lab.arm()
+    motion = operator.begin_motion((590.0, stretched(1, 0.04)), lease=lease)
+    operator.hears_more(4)
+    with load():
+        called_ns = operator.trigger_at("stop")
+    operator.lease = ""
+    expect(not operator.end(motion).result.success, "the motion went on after stop")
+    expect(operator.wrote_since(called_ns), "nothing was sent to hold the struts")
+    after = [operator.stamp_ns(m) for m in operator.sent if not m.heartbeat and operator.stamp_ns(m) > called_ns]
+    operator.sees(BridgeState.FAULT)
+    expect(operator.trigger("reset").success, "reset")
+    return max((stamp - called_ns for stamp in after), default=0) * 1e-6, len(after)
+
+
+def stop_under_load(lab: Lab) -> Evidence:
+    """Row 19."""
+    evidence = Evidence()
+    lab.use(STRUTS, duty_fraction=1.0)
+    loads: dict[str, Callable[[], Any]] = {name: partial(flood, lab, *words) for name, words in FLOODS.items()}
+    loads["a node that stands still"] = partial(frozen, lab)
+    for name, load in loads.items():
+        took_ms, frames = stop_in_mid_motion(lab, load)
+        expect(frames <= MOST_FRAMES, f"{frames} frames went out after stop, under {name}")
+        evidence.figures[f"stop to last bytes, under {name} [ms]"] = round(took_ms, 1)
+    with flood(lab, "execute_struts", str(POINTS)) as sender:
+        expect(sender.ends(60.0) == 0, "the goal was not answered")
+    evidence.says(sender.output.splitlines()[-1], f"the trajectory has {POINTS} points", "send fewer")
+    return evidence
+
+
+def recording_played(lab: Lab) -> Evidence:
+    """Row 20."""
+    evidence = Evidence()
+    operator = lab.use(ROLLING)
+    node = operator.node
+    wait_until(operator.is_quiet, 60.0, "rest on a face")
+    face = operator.face.face
+    operator.arm()
+    publishers = {
+        "bridge/state": node.create_publisher(BridgeState, "bridge/state", LATCHED),
+        "bridge/face": node.create_publisher(FaceObservation, "bridge/face", LATCHED),
+        "bridge/struts_sent": node.create_publisher(StrutsSent, "bridge/struts_sent", 10),
+    }
+    played = {"state": 0}
+    other = "TO5" if face != "TO5" else "TC6"
+
+    def play() -> None:
+        """As a player would: everything as it was an hour ago, in another session."""
+        hour_ago_ns = operator.now_ns() - 3_600_000_000_000
+        state = BridgeState(state=BridgeState.FAULT, reason="recorded", session="recorded", port="recorded", time_scale=1.0)
+        seen = FaceObservation(face=other, source="operator", settled=True, seq=10**6, robot_time_ns=10**15, session="recorded")
+        sent = StrutsSent(seq=10**6 + played["state"], robot_time_ns=10**15, length_m=[0.2] * 6, session="recorded")
+        for message in (state, seen, sent):
+            message.header.stamp.sec, message.header.stamp.nanosec = divmod(hour_ago_ns, 1_000_000_000)
+        for publisher, message in zip(publishers.values(), (state, seen, sent), strict=True):
+            publisher.publish(message)
+        played["state"] += 1
+
+    timer = node.create_timer(0.05, play)
+    try:
+        wait_until(lambda: played["state"] > 20, 20.0, "a recording that plays")
+        began = operator.now_ns()
+        target = neighbour(face)
+        result = operator.roll(target)
+        expect(result.reason == "" and result.face_sequence[0] == face, f"the recording misled the planner: {result.reason}")
+        expect(operator.now_ns() > began, "no time passed")
+        lab.node("gait_planner").says("a recording is played here")
+        evidence.told.append("bridge states 3600 s old are ignored: a recording is played here, or clocks differ")
+    finally:
+        node.destroy_timer(timer)
+        for publisher in publishers.values():
+            node.destroy_publisher(publisher)
+    return evidence
+
+
+def neighbour(face: str) -> str:
+    """A face beside this one."""
+    from sim_core.structure import NEIGHBOURS
+
+    return NEIGHBOURS[face][0]
+
+
+def second_bridge(lab: Lab) -> Evidence:
+    """Row 21."""
+    evidence = Evidence()
+    operator = lab.use(STRUTS)
+    state = lab.folder / "other"
+    link = state / "prototype"
+    other = lab.processes.start("virtual_prototype", "--link", str(link), "--time-scale", "8")
+    try:
+        other.says("ready")
+        second = lab.processes.start("hardware_bridge", port=str(link), state_folder=str(state))
+        evidence.says(last_line(second, 1), "answers to the same names")
+        lease = lab.arm()
+        expect(operator.move((2.0, stretched(1, 0.01)), lease=lease).success, "the first bridge was disturbed")
+    finally:
+        other.kill()
+    return evidence
