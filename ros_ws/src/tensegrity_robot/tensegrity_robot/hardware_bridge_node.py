@@ -199,6 +199,11 @@ class HardwareBridgeNode(LifecycleNode):
                 self._hinted = True
                 self.get_logger().warning(NO_PROTOTYPE)
             return None
+        self._others.listen()
+        try:
+            self._others.require_none()
+        except Refused as error:
+            return error
         if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self._hinted = False  # from now on its life is the operator's
             if self.trigger_activate() == TransitionCallbackReturn.SUCCESS:

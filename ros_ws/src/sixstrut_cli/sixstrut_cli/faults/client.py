@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -23,6 +24,7 @@ from sixstrut_cli.faults.processes import START_LIMIT_S, wait_until
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, Rehearsal, StrutsSent, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, FaceGraph, SetFace
+from tensegrity_robot.live_bridge import LiveBridge
 
 ANSWER_LIMIT_S = 15.0
 LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -53,12 +55,13 @@ class Operator:
         self.lease = self._proven = ""
         self._prover = Prover("")
         subscribe = self.node.create_subscription
-        subscribe(BridgeState, "bridge/state", lambda message: setattr(self, "bridge", message), LATCHED)
+        self._live = live = LiveBridge(lambda words: None)
+        subscribe(BridgeState, "bridge/state", self._on_state, LATCHED)
         subscribe(TwinState, "twin/state", lambda message: setattr(self, "twin", message), 10)
-        subscribe(FaceObservation, "bridge/face", lambda message: setattr(self, "face", message), LATCHED)
+        subscribe(FaceObservation, "bridge/face", lambda face: live.takes(face, partial(setattr, self, "face")), LATCHED)
         subscribe(Rehearsal, "rehearsal", lambda message: setattr(self, "rehearsal", message), LATCHED)
         subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
-        subscribe(StrutsSent, "bridge/struts_sent", self.sent.append, 1000)
+        subscribe(StrutsSent, "bridge/struts_sent", lambda sent: live.takes(sent, self.sent.append), 1000)
         self._proof = self.node.create_publisher(LeaseProof, "bridge/lease", 10)
         self.node.create_timer(0.2, self._keep_alive)
         self._clients = {
@@ -84,6 +87,10 @@ class Operator:
     def _spin(self) -> None:
         with suppress(ExternalShutdownException):
             self._executor.spin()
+
+    def _on_state(self, state: BridgeState) -> None:
+        if self._live.hears(state, self.now_ns()):
+            self.bridge = state
 
     def _keep_alive(self) -> None:
         if not self.lease:

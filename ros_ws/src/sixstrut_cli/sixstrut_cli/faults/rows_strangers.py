@@ -3,17 +3,24 @@
 from __future__ import annotations
 
 import os
+import re
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from sim_core.structure import NEIGHBOURS
 from sixstrut_cli.faults.client import LATCHED
 from sixstrut_cli.faults.lab import ROLLING, STRUTS, Lab, stretched
 from sixstrut_cli.faults.processes import Process, wait_until
-from sixstrut_cli.faults.rows_link import last_line
 from sixstrut_cli.faults.scenario import Evidence, expect
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent
 
@@ -89,56 +96,60 @@ def stop_under_load(lab: Lab) -> Evidence:
     return evidence
 
 
+@contextmanager
+def player(domain: int, face: str, age_s: float) -> Iterator[None]:
+    """A recording of another session is played under the live names while the block lasts: a robot on another face, in FAULT."""
+    context = Context()
+    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    node = Node("player", context=context)
+    publishers = [
+        node.create_publisher(BridgeState, "bridge/state", LATCHED),
+        node.create_publisher(FaceObservation, "bridge/face", LATCHED),
+        node.create_publisher(StrutsSent, "bridge/struts_sent", 100),
+    ]
+    ended = threading.Event()
+
+    def play() -> None:
+        seq = 10**6
+        while not ended.wait(0.05):
+            seq += 1
+            messages = (
+                BridgeState(state=BridgeState.FAULT, reason="recorded", session="recorded", port="recorded", time_scale=1.0),
+                FaceObservation(face=face, source="operator", settled=True, seq=seq, robot_time_ns=10**15, session="recorded"),
+                StrutsSent(seq=seq, robot_time_ns=10**15, length_m=[0.2] * 6, session="recorded"),
+            )
+            stamp_ns = node.get_clock().now().nanoseconds - round(age_s * 1e9)
+            for publisher, message in zip(publishers, messages, strict=True):
+                message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
+                publisher.publish(message)
+
+    thread = threading.Thread(target=play)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+        node.destroy_node()
+        rclpy.shutdown(context=context)
+
+
 def recording_played(lab: Lab) -> Evidence:
     """Row 20."""
     evidence = Evidence()
     operator = lab.use(ROLLING)
-    node = operator.node
     wait_until(operator.is_quiet, 60.0, "rest on a face")
     face = operator.face.face
     operator.arm()
-    publishers = {
-        "bridge/state": node.create_publisher(BridgeState, "bridge/state", LATCHED),
-        "bridge/face": node.create_publisher(FaceObservation, "bridge/face", LATCHED),
-        "bridge/struts_sent": node.create_publisher(StrutsSent, "bridge/struts_sent", 10),
-    }
-    played = {"state": 0}
-    other = "TO5" if face != "TO5" else "TC6"
-
-    def play() -> None:
-        """As a player would: everything as it was an hour ago, in another session."""
-        hour_ago_ns = operator.now_ns() - 3_600_000_000_000
-        state = BridgeState(state=BridgeState.FAULT, reason="recorded", session="recorded", port="recorded", time_scale=1.0)
-        seen = FaceObservation(face=other, source="operator", settled=True, seq=10**6, robot_time_ns=10**15, session="recorded")
-        sent = StrutsSent(seq=10**6 + played["state"], robot_time_ns=10**15, length_m=[0.2] * 6, session="recorded")
-        for message in (state, seen, sent):
-            message.header.stamp.sec, message.header.stamp.nanosec = divmod(hour_ago_ns, 1_000_000_000)
-        for publisher, message in zip(publishers.values(), (state, seen, sent), strict=True):
-            publisher.publish(message)
-        played["state"] += 1
-
-    timer = node.create_timer(0.05, play)
-    try:
-        wait_until(lambda: played["state"] > 20, 20.0, "a recording that plays")
-        began = operator.now_ns()
-        target = neighbour(face)
-        result = operator.roll(target)
-        expect(result.reason == "" and result.face_sequence[0] == face, f"the recording misled the planner: {result.reason}")
-        expect(operator.now_ns() > began, "no time passed")
+    with player(lab.domain, "TO5" if face != "TO5" else "TC6", age_s=3600.0):
         lab.node("gait_planner").says("a recording is played here")
-        evidence.told.append("bridge states 3600 s old are ignored: a recording is played here, or clocks differ")
-    finally:
-        node.destroy_timer(timer)
-        for publisher in publishers.values():
-            node.destroy_publisher(publisher)
+        began = operator.now_ns()
+        goal = operator.begin_roll(NEIGHBOURS[face][0])
+        result = operator.end(goal, 180.0).result
+    expect(result.completed and result.face_sequence[0] == face, f"the recording misled the planner: {result.reason}")
+    expect(operator.wrote_since(began), "the roll was not made")
+    evidence.told.append("bridge states 3600 s old are ignored: a recording is played here, or clocks differ")
     return evidence
-
-
-def neighbour(face: str) -> str:
-    """A face beside this one."""
-    from sim_core.structure import NEIGHBOURS
-
-    return NEIGHBOURS[face][0]
 
 
 def second_bridge(lab: Lab) -> Evidence:
@@ -151,7 +162,8 @@ def second_bridge(lab: Lab) -> Evidence:
     try:
         other.says("ready")
         second = lab.processes.start("hardware_bridge", port=str(link), state_folder=str(state))
-        evidence.says(last_line(second, 1), "answers to the same names")
+        expect(second.ends(60.0) == 1, f"the second bridge goes on: {second.output}")
+        evidence.says(re.sub(r"^.*(another bridge)", r"\1", second.output.splitlines()[-1]), "answers to the same names")
         lease = lab.arm()
         expect(operator.move((2.0, stretched(1, 0.01)), lease=lease).success, "the first bridge was disturbed")
     finally:
