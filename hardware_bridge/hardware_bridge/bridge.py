@@ -21,11 +21,13 @@ from hardware_bridge.errors import ParameterError, Refused, StateError
 from hardware_bridge.events import FACES, SOURCES, Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.fit import require_fit
 from hardware_bridge.homing import homing_path, known_pulses
-from hardware_bridge.last_pulses import LastPulses, state_directory
+from hardware_bridge.identity import identity_of
 from hardware_bridge.link import Link
 from hardware_bridge.motion import MotionHandle
 from hardware_bridge.protocol import Arm, Disarm, Execute, Hold, Mode, Prove, Reset, Stop
+from hardware_bridge.records import Records
 from hardware_bridge.shape_memory import ShapeMemory
+from hardware_bridge.state_file import state_directory
 from hardware_bridge.streamer import Streamer
 from hardware_bridge.trajectory import Trajectory
 from hardware_bridge.transport import SerialTransport
@@ -41,16 +43,19 @@ class Bridge:
     bars them at once, so at most the one frame that is already being written goes out after the call.
 
     Args:
-        port: Path or pyserial URL.
+        port: Path, or ``socket://HOST:PORT``.
         rules: Calibration, limits, pacing and shape check (a function of six rest lengths in m that returns what is
             wrong, or None). It may be slow: it is asked once a shape, in the caller's thread and outside the lock, before
             a command is judged; the supervisor and the frame loop look its verdicts up.
         board: What sits behind the port; LSC by default.
         baud: Rate between radio and board; None: the board's usual one.
         time_scale: Robot seconds per second; None takes the virtual prototype's, or 1 on a real port.
-        state_dir: Where the last pulses are kept; by default ``$SIXSTRUT_STATE_DIR`` or ``~/.local/state/sixstrut``.
+        state_dir: Where last pulses and running time are kept; by default ``$SIXSTRUT_STATE_DIR`` or ``~/.local/state/sixstrut``.
         liveness_period_s: Wall time between liveness queries; None asks never.
         liveness_limit_s: Longest wall time without a reply, once the board has ever replied, before the link is lost.
+        rested_s: The operator's word at the first opening: for so long the actuators have rested, in [s] of robot time. Where
+            nobody knows how long they ran lately, that counts as spent for a window of duty, less this.
+        silent_board: The operator's word that this board cannot answer. Without it, one that has not is not armed.
         on_sent: Called with every :class:`SentEvent`: each write that moves or holds, and one heartbeat each period
             (50 ms of robot time by default) without one, while the link is up.
         on_face: Called with every :class:`FaceEvent`.
@@ -71,12 +76,16 @@ class Bridge:
         state_dir: Path | None = None,
         liveness_period_s: float | None = 1.0,
         liveness_limit_s: float = 4.0,
+        rested_s: float = 0.0,
+        silent_board: bool = False,
         on_sent: Callable[[SentEvent], None] | None = None,
         on_face: Callable[[FaceEvent], None] | None = None,
         on_state: Callable[[Snapshot], None] | None = None,
     ) -> None:
         if time_scale is not None and not (math.isfinite(time_scale) and 0.01 <= time_scale <= 100):
             raise ParameterError("time_scale", time_scale, "0.01 to 100")
+        if not (math.isfinite(rested_s) and rested_s >= 0.0):
+            raise ParameterError("rested_s", rested_s, "0 or more")
         board = Lsc() if board is None else board
         baud = board.quirks.usual_baud if baud is None else baud
         require_fit(board, rules, baud)
@@ -95,6 +104,9 @@ class Bridge:
         self._opening = threading.Lock()
         self._streamer: Streamer | None = None
         self._handshake: Handshake | None = None
+        self._records: Records | None = None
+        self._rested_s = rested_s
+        self._silent_board = silent_board
         self._motion_count = 0
 
     # ---- life -------------------------------------------------------------------------------------------------------
@@ -111,9 +123,10 @@ class Bridge:
         with self._opening:
             if self._streamer is not None:
                 raise StateError("open", self._engine.state.mode, "the bridge is open; close it first")
-            time_scale, record = self._connect(self._wanted_time_scale)
+            time_scale, records = self._connect(self._wanted_time_scale)
             with self._engine.lock:
-                self._engine.begin(time_scale, record, self._handshake is not None)
+                self._engine.begin(time_scale, records, self._handshake is not None, self._rested_s)
+            self._rested_s = 0.0  # said of now, not of a later opening
             period_s = self.rules.pacing.period_s / time_scale
             self._streamer = Streamer(self._engine.tick, self._engine.tick_failed, period_s)
             self._streamer.start()
@@ -140,12 +153,17 @@ class Bridge:
                     self._engine.apply(Disarm("" if state.lease is None else state.lease.token))
                 self._link.close()
                 self._engine.tell_state(force=True)
-                self._engine.save_record(durable=True)
+                try:
+                    self._engine.save_record(durable=True)
+                finally:
+                    self._let_go_of_robot()
 
     # ---- commands ---------------------------------------------------------------------------------------------------
 
     def judge_homing(self, confirmed_lengths_m: Sequence[float | None] | None = None) -> None:
         """Judges the shapes on the way to mid stroke, which may take a second, and remembers the verdicts for ``arm``.
+
+        On a port just opened it also waits for the board's first answer.
 
         ``arm`` does it by itself; who must not wait there calls this first, in a thread that may.
         """
@@ -153,6 +171,8 @@ class Bridge:
             state = self._engine.state
         if state.mode is Mode.FAULT or state.lease is not None:
             return
+        if not self._silent_board:
+            self._link.wait_for_first_answer()
         with suppress(Refused):
             pulses_us = known_pulses(self.rules, state, _arming("", True, "", confirmed_lengths_m))
             check_homing(self._judging_rules, pulses_us, homing_path(self.rules, pulses_us))
@@ -186,7 +206,7 @@ class Bridge:
             The lease, to be given with every command and proven at 2 Hz or more (wall time).
 
         Raises:
-            Refused: :class:`NotClear`, :class:`PositionUnknown`, :class:`LimitError`, :class:`ShapeError`,
+            Refused: :class:`NotClear`, :class:`BoardSilent`, :class:`PositionUnknown`, :class:`LimitError`, :class:`ShapeError`,
                 :class:`StateError`, :class:`FaultLatched`.
             StateFileError: The last pulses cannot be kept.
         """
@@ -195,6 +215,8 @@ class Bridge:
             self.judge_homing(confirmed_lengths_m)
         with self._engine.lock:
             self._require_open("arm")
+            if lifted_and_clear and self._engine.state.mode is not Mode.FAULT:
+                self._link.require_answered(self._silent_board)
             self._engine.save_record()
             self._engine.apply(_arming(holder, lifted_and_clear, token, confirmed_lengths_m))
         return token
@@ -268,10 +290,10 @@ class Bridge:
         with self._opening:
             self._require_open("reset")
             if not self._link.is_up:
-                _, record = self._connect(self._engine.clock.time_scale)
+                _, records = self._connect(self._engine.clock.time_scale)
                 was_dirty = self._link.resynchronise()
                 with self._engine.lock:
-                    self._engine.use_record(record, self._handshake is not None)
+                    self._engine.use_records(records, self._handshake is not None)
                     if was_dirty and self.board.quirks.error_moves:
                         self._engine.forget_positions()
                     self._engine.reopened()
@@ -321,14 +343,29 @@ class Bridge:
 
     # ---- shared -----------------------------------------------------------------------------------------------------
 
-    def _connect(self, wanted_time_scale: float | None) -> tuple[float, LastPulses]:
-        """Opens the port, real or virtual, and finds the record that belongs to the robot behind it."""
+    def _connect(self, wanted_time_scale: float | None) -> tuple[float, Records]:
+        """Opens the port, real or virtual, and finds the records of the robot behind it."""
         handshake = read_handshake(self.port)
         agree_on_board(self.port, self.board.spec, handshake)
         time_scale = agree_on_time_scale(self.port, wanted_time_scale, handshake)
-        self._link.open()
-        self._handshake = handshake
-        return time_scale, LastPulses(self._state_dir, self.port, "" if handshake is None else handshake.instance)
+        identity = identity_of(self.port, self.rules.calibration, self.board, handshake)
+        records = self._records
+        if records is None or records.identity != identity or not identity.is_known:
+            self._let_go_of_robot()
+            records = Records(self._state_dir, identity, self.rules.limits, self.port)
+        try:
+            self._link.open()
+        except BaseException:
+            if records is not self._records:
+                records.close()
+            raise
+        self._handshake, self._records = handshake, records
+        return time_scale, records
+
+    def _let_go_of_robot(self) -> None:
+        records, self._records = self._records, None
+        if records is not None:
+            records.close()
 
     def _require_open(self, command: str) -> None:
         if self._streamer is None:

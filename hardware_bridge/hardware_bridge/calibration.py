@@ -17,6 +17,8 @@ from hardware_bridge.codecs.registry import BOARDS
 from hardware_bridge.errors import CalibrationError
 
 STRUTS = ("S1", "S2", "S3", "S4", "S5", "S6")
+LONGEST_NAME = 40
+"""Characters of a robot's name."""
 
 _PLAUSIBLE: dict[str, tuple[float, float]] = {
     "channel": (0, 32),
@@ -76,11 +78,13 @@ class Calibration:
         mid_stroke_length_m: Rest length at zero stroke, in [m].
         struts: Six :class:`StrutCalibration`.
         board: Name of the board that it was measured with; None: the file does not say.
+        robot: Name of the robot; None: the file does not say, and nothing is remembered of a real one.
     """
 
     mid_stroke_length_m: float
     struts: tuple[StrutCalibration, ...]
     board: str | None = None
+    robot: str | None = None
 
     @property
     def channels(self) -> tuple[int, ...]:
@@ -105,7 +109,7 @@ class Calibration:
 
     @property
     def hash(self) -> str:
-        """sha256 over every number, in hexadecimal: equal for equal calibrations, whatever the file looks like."""
+        """sha256 over names and numbers, in hexadecimal: equal for equal calibrations, whatever the file looks like."""
         values = {key: value for key, value in asdict(self).items() if value is not None}
         text = json.dumps(values, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(text.encode()).hexdigest()
@@ -136,9 +140,10 @@ def parse_calibration(text: str, source: str) -> Calibration:
         CalibrationError: As :func:`load_calibration`.
     """
     data = _parse_yaml(text, source)
-    if not isinstance(data, Mapping) or set(data) - {"board"} != {"mid_stroke_length_m", "struts"}:
+    if not isinstance(data, Mapping) or set(data) - {"board", "robot"} != {"mid_stroke_length_m", "struts"}:
         got = sorted(map(str, data)) if isinstance(data, Mapping) else type(data).__name__
-        raise CalibrationError(source, f"top level is {got}, valid is mid_stroke_length_m, struts and, if you like, board")
+        raise CalibrationError(source, f"top level is {got}, valid is mid_stroke_length_m, struts and, if you like, board, robot")
+    robot = None if data.get("robot") is None else robot_name(data["robot"], source)
     board = data.get("board")
     if board is not None and board not in BOARDS:
         raise CalibrationError(source, f"board is {board!r}, valid is {', '.join(BOARDS)}")
@@ -159,7 +164,16 @@ def parse_calibration(text: str, source: str) -> Calibration:
             problem = f"channel {strut.channel} already belongs to {holders[strut.channel]}; give each strut its own"
             raise CalibrationError(source, problem, strut=name)
         holders[strut.channel] = name
-    return Calibration(mid_m, parsed, board)
+    return Calibration(mid_m, parsed, board, robot)
+
+
+def robot_name(value: object, source: str) -> str:
+    """A robot's name: what it is known by, wherever it is plugged in. ``source`` names it in errors. Raises CalibrationError."""
+    if isinstance(value, str) and 1 <= len(value) <= LONGEST_NAME and value.isprintable() and value == value.strip():
+        return value
+    got = repr(value) if len(repr(value)) < 80 else f"{repr(value)[:80]}…"
+    valid = f'a text of 1 to {LONGEST_NAME} characters on one line, such as robot: "blue one"'
+    raise CalibrationError(source, f"robot is {got}, valid is {valid}")
 
 
 def parse_strut(source: str, name: str, data: object) -> StrutCalibration:

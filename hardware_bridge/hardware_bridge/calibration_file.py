@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
 
 import yaml
 
-from hardware_bridge.calibration import STRUTS, Calibration, StrutCalibration, parse_calibration, parse_strut
+from hardware_bridge.calibration import STRUTS, Calibration, StrutCalibration, parse_calibration, parse_strut, robot_name
 from hardware_bridge.errors import CalibrationError
 
 _HEAD = """\
@@ -20,9 +21,10 @@ _HEAD = """\
 _UNFINISHED_HEAD = "# Unfinished: `./sixstrut calibrate` goes on from here. No bridge takes it.\n"
 
 
-def text_of(mid_stroke_length_m: float, struts: Mapping[str, StrutCalibration], head: str = _HEAD) -> str:
-    """The YAML."""
-    lines = [f"{head}mid_stroke_length_m: {mid_stroke_length_m:g}", "struts:"]
+def text_of(robot: str | None, mid_stroke_length_m: float, struts: Mapping[str, StrutCalibration], head: str = _HEAD) -> str:
+    """The YAML; ``robot`` None: without a name."""
+    named = [] if robot is None else [f"robot: {json.dumps(robot, ensure_ascii=False)}"]
+    lines = [*named, f"mid_stroke_length_m: {mid_stroke_length_m:g}", "struts:"]
     for name, strut in struts.items():
         (low_mm, high_mm), (low_us, high_us) = strut.stroke_mm, strut.pulse_us
         lines.append(
@@ -30,16 +32,18 @@ def text_of(mid_stroke_length_m: float, struts: Mapping[str, StrutCalibration], 
             f"us_per_mm: {strut.us_per_mm!r}, direction: {strut.direction}, trim_us: {strut.trim_us}, "
             f"stroke_mm: [{low_mm:g}, {high_mm:g}], pulse_us: [{low_us}, {high_us}]}}"
         )
-    return "\n".join(lines) + "\n"
+    return head + "\n".join(lines) + "\n"
 
 
-def write_calibration(path: Path, mid_stroke_length_m: float, struts: Mapping[str, StrutCalibration]) -> Calibration:
+def write_calibration(
+    path: Path, mid_stroke_length_m: float, struts: Mapping[str, StrutCalibration], robot: str | None = None
+) -> Calibration:
     """Replaces the file at once, on the disk before this returns; what was read back.
 
     Raises:
         CalibrationError: It would not be valid, or cannot be written; the old file stays.
     """
-    text = text_of(mid_stroke_length_m, {name: struts[name] for name in STRUTS if name in struts})
+    text = text_of(robot, mid_stroke_length_m, {name: struts[name] for name in STRUTS if name in struts})
     calibration = parse_calibration(text, str(path))
     _replace(path, text)
     return calibration
@@ -50,6 +54,7 @@ class Unfinished:
 
     Attributes:
         path: ``<file>.part``.
+        robot: Name of the robot; None while not known.
         mid_stroke_length_m: None while not known.
         struts: Name to calibration, those that are done.
     """
@@ -57,6 +62,7 @@ class Unfinished:
     def __init__(self, file: Path) -> None:
         """Raises CalibrationError: there is an unfinished one, but it cannot be understood."""
         self.path = file.with_name(file.name + ".part")
+        self.robot: str | None = None
         self.mid_stroke_length_m: float | None = None
         self.struts: dict[str, StrutCalibration] = {}
         if self.path.exists():
@@ -65,7 +71,7 @@ class Unfinished:
     def save(self) -> None:
         """Raises CalibrationError: it cannot be written."""
         assert self.mid_stroke_length_m is not None
-        _replace(self.path, text_of(self.mid_stroke_length_m, self.struts, _UNFINISHED_HEAD))
+        _replace(self.path, text_of(self.robot, self.mid_stroke_length_m, self.struts, _UNFINISHED_HEAD))
 
     def remove(self) -> None:
         """It is finished, or not wanted."""
@@ -76,8 +82,10 @@ class Unfinished:
             data = yaml.safe_load(self.path.read_text(encoding="utf-8"))
             self.mid_stroke_length_m = float(data["mid_stroke_length_m"])
             found = dict(data["struts"] or {})
-        except (OSError, UnicodeDecodeError, yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+            robot = data.get("robot")
+        except (OSError, UnicodeDecodeError, yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
             raise CalibrationError(str(self.path), "cannot be understood; remove it to begin anew") from error
+        self.robot = None if robot is None else robot_name(robot, str(self.path))
         self.struts = {name: parse_strut(str(self.path), name, found[name]) for name in STRUTS if name in found}
 
 

@@ -19,11 +19,9 @@ from hardware_bridge.checks import Rules, check_frame
 from hardware_bridge.clock import RobotClock
 from hardware_bridge.codecs import Board
 from hardware_bridge.congestion import Congestion
-from hardware_bridge.duty_record import DutyRecord
 from hardware_bridge.errors import BridgeError, LinkLost, ShapeError
 from hardware_bridge.events import Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.health import Answer, judge
-from hardware_bridge.last_pulses import LastPulses
 from hardware_bridge.latency import Latency
 from hardware_bridge.link import Link
 from hardware_bridge.motion import MotionHandle, MotionResult, Progress
@@ -43,6 +41,7 @@ from hardware_bridge.protocol import (
     Tick,
 )
 from hardware_bridge.protocol import LinkLost as LinkLostEvent
+from hardware_bridge.records import Records
 from hardware_bridge.supervisor import Supervisor
 
 _log = logging.getLogger(__name__)
@@ -82,8 +81,7 @@ class Engine:
         self._board = board
         self._callbacks = callbacks
         self._supervisor = Supervisor(rules, board.quirks.duration_ms[0])
-        self._record: LastPulses | None = None
-        self._duty_record: DutyRecord | None = None
+        self._records: Records | None = None
         self._motions: dict[int, MotionHandle] = {}
         self._count = _Counters()
         self._latency = Latency()
@@ -96,30 +94,31 @@ class Engine:
 
     # ---- life -------------------------------------------------------------------------------------------------------
 
-    def begin(self, time_scale: float, record: LastPulses, virtual: bool) -> None:
+    def begin(self, time_scale: float, records: Records, virtual: bool, rested_s: float = 0.0) -> None:
         """A new stream on a port just opened: clock at 0, ``seq`` from 1. A latched fault stays."""
         self.session = secrets.token_hex(8)
         was = self.state
-        duty = was.duty.moved_by(-self.clock.now().robot_s)
         self.clock = RobotClock(time_scale)
-        self.state = State(duty=duty)
+        self.state = State()
         if was.mode is Mode.FAULT:
             self.state = replace(self.state, mode=Mode.FAULT, reason=was.reason)
         self._count, self._latency, self._congestion = _Counters(), Latency(), Congestion()
         self._board_errors = ()
         self.link.begin_counting()
-        self.use_record(record, virtual)
-        if not duty.spells and self._duty_record is not None:
-            loaded = self._duty_record.load(self.clock.now().robot_s, time_scale, self._rules.limits)
-            self.state = replace(self.state, duty=loaded)
+        self._records = None
+        self.use_records(records, virtual, rested_s)
         self._heartbeat()
         self.tell_state(force=True)
 
-    def use_record(self, record: LastPulses, virtual: bool) -> None:
-        """Takes the last pulses from the record of the robot behind the port."""
-        self._record, self.virtual = record, virtual
-        self._duty_record = DutyRecord(record.path.parent, self._port, record.robot)
-        self.state = replace(self.state, pulses_us=record.load(self._rules.calibration.channels))
+    def use_records(self, records: Records, virtual: bool, rested_s: float = 0.0) -> None:
+        """Takes from them what is known of the robot behind the port; of the same one as before, memory knows more."""
+        self.virtual = virtual
+        if records is self._records:
+            return
+        self._records = records
+        pulses_us = records.pulses.load(self._rules.calibration.channels)
+        duty = records.duty.load(self.clock.now().robot_s, self.clock.time_scale, rested_s)
+        self.state = replace(self.state, pulses_us=pulses_us, unknown_why=records.pulses.why, duty=duty)
 
     def reopened(self) -> None:
         """Counts a lost link that was opened again."""
@@ -127,10 +126,9 @@ class Engine:
 
     def save_record(self, durable: bool = False) -> None:
         """Writes the records anew. Raises :class:`StateFileError`."""
-        assert self._record is not None
-        assert self._duty_record is not None
-        self._duty_record.save(self.state.duty, self.clock.now().robot_s, force=True)
-        self._record.save(self._rules.calibration.channels, self.state.pulses_us, force=True, durable=durable)
+        assert self._records is not None
+        self._records.duty.save(self.state.duty, self.clock.now().robot_s, force=True)
+        self._records.pulses.save(self._rules.calibration.channels, self.state.pulses_us, force=True, durable=durable)
 
     # ---- time -------------------------------------------------------------------------------------------------------
 
@@ -155,8 +153,8 @@ class Engine:
                 self.apply(Tick(congested))
             if self.link.is_up and not self._written_in_tick:
                 self._heartbeat()
-            if self._duty_record is not None:
-                self._duty_record.try_to_save(self.state.duty, self.clock.now().robot_s)
+            if self._records is not None:
+                self._records.duty.try_to_save(self.state.duty, self.clock.now().robot_s)
 
     def tick_failed(self, error: Exception) -> None:
         """The frame loop has a bug: latches."""
@@ -198,9 +196,11 @@ class Engine:
 
     def forget_positions(self) -> None:
         """Nobody knows any more where the struts are: the next arm needs the operator's word for each."""
-        self.state = replace(self.state, pulses_us=(None,) * len(STRUTS), energised=(False,) * len(STRUTS))
+        nobody, why = (None,) * len(STRUTS), "the board may have moved or released the struts since they were sent"
+        self.state = replace(self.state, pulses_us=nobody, energised=(False,) * len(STRUTS), unknown_why=why)
         try:
-            self.save_record()
+            assert self._records is not None
+            self._records.pulses.forget(self._rules.calibration.channels)
         except BridgeError as error:  # it is tried again by arm, which then fails
             _log.error("%s", error)
 
@@ -236,8 +236,8 @@ class Engine:
         try:
             check_frame(self._rules, send.struts, send.pulses_us, before.pulses_us, send.duration_ms, homing)
             frame = self._frame(send)
-            assert self._record is not None
-            self._record.save(channels, self.state.pulses_us)
+            assert self._records is not None
+            self._records.pulses.save(channels, self.state.pulses_us)
             begun_s = time.monotonic()
             self.link.write(frame)
             self._latency.add(time.monotonic() - begun_s)
@@ -334,6 +334,8 @@ class Engine:
                 known=self._known(),
                 energised=state.energised,
                 calibration_hash=self._rules.calibration.hash,
+                robot=self._rules.calibration.robot or "",
+                answered=self.link.has_answered,
                 battery_mv=self.link.battery_mv,
                 duty_left_s=state.duty.left_s(self.clock.now().robot_s, self._rules.limits),
                 frames_sent=count.frames_sent,

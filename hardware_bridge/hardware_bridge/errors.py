@@ -5,6 +5,7 @@ Every error carries its data as attributes, so that callers need not parse messa
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 
@@ -136,12 +137,22 @@ class ShapeError(Refused):
 
 
 class DutyError(Refused):
-    """A strut that has run too long of late; times in [s] of robot time. ``wait_s`` None: waiting does not help."""
+    """A strut that has run too long of late; times in [s] of robot time. ``wait_s`` None: waiting does not help.
+
+    ``used_s`` is infinite where nobody knows how long it has run.
+    """
 
     def __init__(self, strut: str, used_s: float, needed_s: float, limit_s: float, window_s: float, wait_s: float | None) -> None:
         self.strut, self.used_s, self.needed_s = strut, used_s, needed_s
         self.limit_s, self.window_s, self.wait_s = limit_s, window_s, wait_s
         remedy = "make the motion shorter" if wait_s is None else f"wait {wait_s:.0f} s of robot time"
+        if math.isinf(used_s):
+            for_s = window_s if wait_s is None else wait_s
+            super().__init__(
+                f"{strut}: nobody knows how long the struts have run lately, so they count as spent for another {for_s:.0f} s "
+                f"of robot time; if they have rested, start the bridge with rested_s:={window_s:.1f} (the way back is open)"
+            )
+            return
         super().__init__(
             f"{strut}: has run {used_s:.1f} s of the last {window_s:g} s and would run {needed_s:.1f} s more, "
             f"the limit is {limit_s:g} s; {remedy}"
@@ -203,6 +214,14 @@ class PositionUnknown(Refused):
     def __init__(self, strut: str, problem: str) -> None:
         self.strut, self.problem = strut, problem
         super().__init__(f"{strut}: {problem}")
+
+
+class BoardSilent(Refused):
+    """The board has never answered since the port was opened: who knows whether one is there."""
+
+    def __init__(self, port: str, board: str, why: str, word: str) -> None:
+        self.port, self.board = port, board
+        super().__init__(f"the board ({board}) has never answered on {port}: {why}; if it cannot answer, {word}")
 
 
 class NotClear(Refused):

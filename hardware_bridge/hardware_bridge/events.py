@@ -93,6 +93,8 @@ class Snapshot:
         known: As :class:`SentEvent`.
         energised: Which struts have been sent a pulse since the port was opened.
         calibration_hash: Of the calibration in use.
+        robot: The robot's name, by its calibration; empty: it names none.
+        answered: The board has answered since the port was opened.
         battery_mv: Last reply of the board, in [mV]; None before the first.
         duty_left_s: Robot time that the strut that ran longest lately may still run, in [s].
         duty_limit_s: Its whole budget within the window, in [s].
@@ -136,6 +138,8 @@ class Snapshot:
     board_errors: tuple[str, ...] = ()
     replies: Replies = NOTHING_ASKED
     session: str = ""
+    robot: str = ""
+    answered: bool = False
 
 
 @dataclass(frozen=True)

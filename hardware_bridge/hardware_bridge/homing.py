@@ -30,7 +30,9 @@ def known_pulses(rules: Rules, state: State, arm: Arm) -> tuple[int, ...]:
         confirmed_m = told_m if told_m is not None and math.isfinite(told_m) else None
         if recorded_us is None:
             if confirmed_m is None:
-                raise PositionUnknown(STRUTS[index], "nobody knows its length; measure it, confirm it in m with arm")
+                why = f": {state.unknown_why}" if state.unknown_why else ""
+                remedy = "look where each strut is, and confirm the six lengths in m with arm"
+                raise PositionUnknown(STRUTS[index], f"nobody knows its length{why}; {remedy}")
             pulses_us.append(calibration.pulse_us(index, confirmed_m))
             continue
         recorded_m = calibration.length_m(index, recorded_us)

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+import threading
 import time
 from collections import deque
 from collections.abc import Sequence
 
-from hardware_bridge.codecs import Board
-from hardware_bridge.errors import LinkLost
+from hardware_bridge.codecs import MAX_SERVOS, Board, Health
+from hardware_bridge.errors import BoardSilent, LinkLost
 from hardware_bridge.health import Answer
 from hardware_bridge.latency import Latency, Replies
 from hardware_bridge.transport import SerialTransport
 
 LATE_ANSWER_S = 0.5
 """Wall time after which a board that used to answer is late: what is sent to it may be queueing somewhere."""
+
+FIRST_ANSWER_LIMIT_S = 2.5
+"""Wall time after the opening within which a board has answered, if it ever will: two questions are lost at most."""
 
 _REPLY_LIMIT_S = 0.1
 
@@ -55,6 +59,8 @@ class Link:
         self._answered_s: float | None = None
         self._unanswered_since_s: float | None = None
         self._answers = False
+        self._heard = threading.Event()
+        self._opened_s = 0.0
         self._dirty = False
         self.battery_mv: int | None = None
         self.write_errors = 0
@@ -79,7 +85,32 @@ class Link:
         self._asked_s = -float("inf")
         self._answered_s = self._unanswered_since_s = None
         self.battery_mv = None
+        self._heard.clear()
+        self._opened_s = time.monotonic()
         self._up = not self._dirty
+
+    @property
+    def has_answered(self) -> bool:
+        """Whether the board has given a sound answer since the port was opened."""
+        return self._heard.is_set()
+
+    def wait_for_first_answer(self) -> bool:
+        """Waits, while somebody calls ``attend``, until ``has_answered``; not beyond ``FIRST_ANSWER_LIMIT_S`` after the opening.
+
+        May be called from any thread.
+        """
+        while self._up and not self._heard.is_set():
+            left_s = self._opened_s + FIRST_ANSWER_LIMIT_S - time.monotonic()
+            if left_s <= 0.0 or self._liveness_period_s is None:
+                break
+            self._heard.wait(min(left_s, 0.05))
+        return self._heard.is_set()
+
+    def require_answered(self, silent_board: bool = False, word: str = "start the bridge with silent_board:=true") -> None:
+        """Raises BoardSilent: the board has never answered, and nobody has said that it cannot."""
+        if self._heard.is_set() or silent_board:
+            return
+        raise silence(self._transport.port, self._board, self._liveness_period_s is not None, word)
 
     def begin_counting(self) -> None:
         """All counts from 0."""
@@ -153,7 +184,7 @@ class Link:
     def attend(self, now_s: float, energised: Sequence[bool] = ()) -> Answer | None:
         """Reads what came, asks for a sign of life when it is time, and judges silence. ``now_s`` is wall time.
 
-        A board that has never answered is not missed: not every one of the family does.
+        A board that has never answered is not missed: it is not armed either, see ``require_answered``.
 
         Args:
             energised: Which channels have been sent a pulse.
@@ -167,6 +198,7 @@ class Link:
         answer = self._listen()
         if answer is not None:
             self._answered_s, self._answers = now_s, True
+            self._heard.set()
             self._reply_latency.add(now_s - self._asked_s)
             self._unanswered_since_s = None
             self.battery_mv = answer.health.battery_mv
@@ -222,3 +254,36 @@ class Link:
                 return True
             time.sleep(0.005)
         return False
+
+
+def first_answer(transport: SerialTransport, board: Board, limit_s: float = FIRST_ANSWER_LIMIT_S) -> Health | None:
+    """Asks a board on an open port how it is, until it answers; None: it does not within ``limit_s``. Nothing moves.
+
+    Raises:
+        LinkLost: The port failed.
+    """
+    first = board.quirks.channels[0]
+    query = board.encode_query(range(first, first + MAX_SERVOS))
+    end = time.monotonic() + limit_s
+    while time.monotonic() < end:
+        transport.read_available()  # what is left over belongs to no question of ours
+        transport.write_all(query.data)
+        reply, patience = b"", min(end, time.monotonic() + 1.0)
+        while time.monotonic() < patience:
+            reply += transport.read_available()
+            health = board.parse_reply(reply, MAX_SERVOS) if len(reply) >= query.reply_bytes else None
+            if health is not None:
+                return health
+            time.sleep(0.01)
+    return None
+
+
+def silence(port: str, board: Board, asked: bool, word: str) -> BoardSilent:
+    """The error for a board that has never answered; ``word`` says how a person lets it be used all the same."""
+    rate = f"{board.quirks.usual_baud} baud"
+    why = f"switch its supply on, check that this is its port, its rate (usually {rate}) and the wire that it answers on"
+    if not asked:
+        why = "it is asked nothing (liveness_period_s is None)"
+    elif board.quirks.always_answers:
+        why += "; each of its kind answers"
+    return BoardSilent(port, board.spec, why, word)

@@ -96,6 +96,7 @@ class State:
         mode: The state's name.
         reason: Why, for people; empty if nothing needs saying.
         pulses_us: Last sent (or confirmed) pulse of each strut; None where nobody knows.
+        unknown_why: Why nobody knows, for people.
         energised: Which struts have been sent a pulse since the port was opened, and so hold.
         lease: The current one, if any.
         homed: Homing has ended well since the last arm.
@@ -119,6 +120,7 @@ class State:
     last_frame: LastFrame | None = None
     duty: Duty = field(default_factory=Duty)
     supply_mv: int | None = None
+    unknown_why: str = ""
 
 
 # ---- events ---------------------------------------------------------------------------------------------------------

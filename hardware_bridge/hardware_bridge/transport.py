@@ -1,4 +1,4 @@
-"""Bytes in, bytes out, over any pyserial URL: ``/dev/rfcomm0``, ``socket://host:port``, a pty.
+"""Bytes in, bytes out, over a device or a socket: ``/dev/rfcomm0``, ``socket://host:port``, a pty.
 
 A transport opens exclusively, writes all, reads exactly, closes; it knows no protocol. Every failure is an error that
 names the port and what to do. pyserial and the kernel raise ``SerialException`` or a plain ``OSError``; the second is
@@ -8,29 +8,24 @@ the base of the first and is what is caught here.
 from __future__ import annotations
 
 import errno
-import fcntl
-import hashlib
 import os
 import select
-import tempfile
 import threading
 import time
-from typing import IO
 
 import serial
 
 from hardware_bridge.errors import LinkLost, PortBusy, PortMissing, PortWrongKind, TransportError
+from hardware_bridge.port_lock import REMEDY_MISSING, PortLock, lock_port, number_of
 
-_BUSY = {errno.EBUSY, errno.EAGAIN, errno.EWOULDBLOCK, errno.EACCES}
 _MISSING = {errno.ENOENT, errno.ENXIO, errno.ENODEV, errno.EIO, errno.EHOSTDOWN, errno.ECONNREFUSED, errno.ETIMEDOUT}
-_REMEDY_MISSING = "start the virtual prototype, or power the robot and bind its Bluetooth (rfcomm bind 0 <address> 1)"
 
 
 class SerialTransport:
     """One exclusive serial port.
 
     Attributes:
-        port: The path or pyserial URL.
+        port: The path, or ``socket://HOST:PORT``. Other URLs are refused: they hide a device, or are none.
         baud: Rate of the port; the Bluetooth side of an rfcomm port ignores it.
         read_timeout_s: Longest wait of ``read_exactly``, wall time.
         write_timeout_s: Longest wait of ``write_all``, wall time; about a frame, so that stop never waits longer.
@@ -51,7 +46,7 @@ class SerialTransport:
         self.write_timeout_s = write_timeout_s
         self.open_timeout_s = open_timeout_s
         self._serial: serial.Serial | None = None
-        self._lock_file: IO[str] | None = None
+        self._lock: PortLock | None = None
         self._descriptor: int | None = None
 
     @property
@@ -60,24 +55,14 @@ class SerialTransport:
         return self._serial is not None
 
     def open(self) -> None:
-        """Opens the port exclusively.
+        """Opens the port exclusively, whatever its name is spelled like (see ``port_lock``).
 
         Raises:
             PortMissing, PortBusy, PortWrongKind: Within ``open_timeout_s``, naming port and remedy.
         """
         if self._serial is not None:
             return
-        is_url = "://" in self.port
-        if not is_url and not os.path.exists(self.port):
-            raise PortMissing(self.port, "does not exist", _REMEDY_MISSING)
-        lock_file = _lock_url(self.port) if is_url else None
-        try:
-            self._serial = self._open_within_limit()
-        except BaseException:
-            if lock_file is not None:
-                lock_file.close()
-            raise
-        self._lock_file = lock_file
+        self._serial, self._lock = self._open_within_limit()
         self._descriptor = _descriptor(self._serial)
         # With a descriptor, write_all waits by itself: pyserial also reports a timeout after a late but complete write.
         self._serial.write_timeout = self.write_timeout_s if self._descriptor is None else 0
@@ -91,9 +76,9 @@ class SerialTransport:
         except OSError:
             pass  # the peer is gone and took the descriptor's use with it
         finally:
-            if self._lock_file is not None:
-                self._lock_file.close()
-                self._lock_file = None
+            if self._lock is not None:
+                self._lock.release()
+                self._lock = None
 
     def write_all(self, data: bytes) -> None:
         """Hands every byte to the operating system within ``write_timeout_s``.
@@ -165,25 +150,24 @@ class SerialTransport:
             remedy = "switch the servo supply off and on (the board may hold half a frame), then reset"
         return LinkLost(self.port, problem, remedy, dirty)
 
-    def _open_within_limit(self) -> serial.Serial:
-        opened: list[serial.Serial] = []
+    def _open_within_limit(self) -> tuple[serial.Serial, PortLock]:
+        opened: list[tuple[serial.Serial, PortLock]] = []
         failed: list[BaseException] = []
         lock = threading.Lock()
         given_up = False
 
         def work() -> None:
             try:
-                port = serial.serial_for_url(
-                    self.port, baudrate=self.baud, timeout=self.read_timeout_s,
-                    exclusive=None if "://" in self.port else True,
-                )  # fmt: skip
+                port, held = self._open_locked()
             except Exception as error:
                 failed.append(error)
                 return
             with lock:
-                opened.append(port)
                 if given_up:
                     port.close()
+                    held.release()
+                else:
+                    opened.append((port, held))
 
         thread = threading.Thread(target=work, name="open serial port", daemon=True)
         thread.start()
@@ -194,9 +178,30 @@ class SerialTransport:
             given_up = True
         if failed:
             raise self._explain(failed[0]) from failed[0]
-        raise PortMissing(self.port, f"did not open in {self.open_timeout_s:g} s", _REMEDY_MISSING)
+        raise PortMissing(self.port, f"did not open in {self.open_timeout_s:g} s", REMEDY_MISSING)
+
+    def _open_locked(self) -> tuple[serial.Serial, PortLock]:
+        held = lock_port(self.port)
+        try:
+            is_url = "://" in self.port
+            port = serial.serial_for_url(
+                self.port if is_url else os.path.realpath(self.port), baudrate=self.baud, timeout=self.read_timeout_s,
+                exclusive=None if is_url else True,
+            )  # fmt: skip
+            try:
+                if not is_url and number_of(self.port, os.fstat(port.fileno())) not in held.names:
+                    raise PortMissing(self.port, "became another device while it was opened", "open it again")
+            except BaseException:
+                port.close()
+                raise
+        except BaseException:
+            held.release()
+            raise
+        return port, held
 
     def _explain(self, error: BaseException) -> TransportError:
+        if isinstance(error, TransportError):
+            return error
         number = getattr(error, "errno", None)
         text = " ".join(str(error).split())
         if "lock" in text.lower() or number == errno.EBUSY:
@@ -204,8 +209,8 @@ class SerialTransport:
         if number in (errno.EACCES, errno.EPERM):
             return PortWrongKind(self.port, "permission denied", "add the user to the group of the port (dialout)")
         if number in _MISSING or "://" in self.port:
-            return PortMissing(self.port, f"does not answer ({text})", _REMEDY_MISSING)
-        return PortWrongKind(self.port, f"is no serial port ({text})", "give a tty, a pty or a pyserial URL")
+            return PortMissing(self.port, f"does not answer ({text})", REMEDY_MISSING)
+        return PortWrongKind(self.port, f"is no serial port ({text})", "give a tty, a pty or socket://HOST:PORT")
 
 
 def _descriptor(port: serial.Serial) -> int | None:
@@ -213,17 +218,3 @@ def _descriptor(port: serial.Serial) -> int | None:
         return int(port.fileno())
     except (OSError, AttributeError):
         return None
-
-
-def _lock_url(url: str) -> IO[str]:
-    """pyserial locks device files only; a URL is locked by a file of ours, so that two bridges cannot share it."""
-    name = f"sixstrut-port-{os.getuid()}-{hashlib.sha256(url.encode()).hexdigest()[:16]}.lock"
-    handle = open(os.path.join(tempfile.gettempdir(), name), "w")  # noqa: SIM115 - it must stay open
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:
-        handle.close()
-        if error.errno in _BUSY:
-            raise PortBusy(url, "is in use", "stop the other bridge that holds it") from error
-        raise
-    return handle

@@ -23,7 +23,7 @@ from tests.hardware_bridge.test_registry import SPECS
 
 Make = Callable[..., Bridge]
 IGNORE, OFF, TO_1200 = ControlCenter(), ControlCenter(home_us=0.0), ControlCenter(home_us=1200.0)
-QUICK = {"liveness_period_s": 0.05, "liveness_limit_s": 1.0}
+QUICK = {"liveness_period_s": 0.05, "liveness_limit_s": 1.0, "silent_board": False, "rested_s": 0.0}
 
 
 def start(start_prototype: Callable, make_bridge: Make, spec: str, settings: ControlCenter | None = None) -> tuple:

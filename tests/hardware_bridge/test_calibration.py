@@ -180,3 +180,26 @@ def test_a_file_may_name_its_board() -> None:
     assert named.hash != load_calibration().hash
     with pytest.raises(CalibrationError, match="board is 'arduino', valid is lsc, ssc32, maestro"):
         parse_calibration(f"board: arduino\n{text}", "robot.yaml")
+
+
+def named(line: str) -> Calibration:
+    text = (files("hardware_bridge") / "data" / "calibration_default.yaml").read_text(encoding="utf-8")
+    return parse_calibration(f"{line}\n{text}", "robot.yaml")
+
+
+def test_a_file_may_name_its_robot_and_old_ones_do_not() -> None:
+    assert load_calibration().robot is None
+    assert load_calibration().hash == "dac4ccfa5b8af8dac776dd7c834d664c97985ef28ae453009ab16656a376bcba", (
+        "as older software has it in its bags"
+    )
+    blue = named('robot: "blue one"')
+    assert blue.robot == "blue one"
+    assert blue.struts == load_calibration().struts
+    assert len({load_calibration().hash, blue.hash, named("robot: green").hash}) == 3
+
+
+@pytest.mark.parametrize("name", ["NO", "12", "[a]", '""', '" blue"', '"a\\nb"', '"\\e[31mred"', "x" * 41, '"\u200bhidden"'])
+def test_a_name_is_a_short_printable_text(name: str) -> None:
+    with pytest.raises(CalibrationError, match=r"robot is .*, valid is a text of 1 to 40 characters") as caught:
+        named(f"robot: {name}")
+    assert str(caught.value).isprintable()

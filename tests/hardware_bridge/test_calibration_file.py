@@ -22,6 +22,16 @@ def test_what_is_written_is_what_is_read(tmp_path: Path, calibration: Calibratio
     assert [path.name for path in tmp_path.iterdir()] == ["mine.yaml"]
 
 
+@pytest.mark.parametrize("name", ["blue", 'the "blue" one: #1', "Ünï ✓", "NO", "12", "{a}"])
+def test_the_robots_name_is_kept_as_it_is(tmp_path: Path, calibration: Calibration, name: str) -> None:
+    file = tmp_path / "mine.yaml"
+    assert write_calibration(file, 0.234, by_name(calibration), name).robot == load_calibration(file).robot == name
+    part = Unfinished(file)
+    part.robot, part.mid_stroke_length_m = name, 0.234
+    part.save()
+    assert Unfinished(file).robot == name
+
+
 def test_an_incomplete_one_is_not_written_and_the_old_file_stays(tmp_path: Path, calibration: Calibration) -> None:
     file = tmp_path / "mine.yaml"
     write_calibration(file, 0.234, by_name(calibration))

@@ -60,7 +60,10 @@ class Life:
         calibration = tmp_path / "calibration.yaml"
         calibration.write_text(OWN_CALIBRATION)
         self.operator, self.board = operator, board
-        self.process = processes.start("hardware_bridge", autostart=False, port=board.link, calibration=calibration)
+        self.calibration = calibration
+        self.process = processes.start(
+            "hardware_bridge", autostart=False, port=board.link, calibration=calibration, silent_board=True
+        )
         self._change = operator.node.create_client(ChangeState, "hardware_bridge/change_state")
         self._get = operator.node.create_client(GetState, "hardware_bridge/get_state")
         wait_until(lambda: self._change.service_is_ready() and self._get.service_is_ready(), 30.0, "lifecycle services")
@@ -74,8 +77,8 @@ class Life:
     def state(self):
         return self.operator._result(self._get.call_async(GetState.Request()), "get_state").current_state.id
 
-    def arm(self):
-        return self.operator.call("bridge/arm", Arm.Request(lifted_and_clear=True, confirmed_lengths_m=MID))
+    def arm(self, confirmed=MID):
+        return self.operator.call("bridge/arm", Arm.Request(lifted_and_clear=True, confirmed_lengths_m=confirmed))
 
     def active(self):
         assert self.go(Transition.TRANSITION_CONFIGURE)
@@ -151,6 +154,25 @@ def test_a_fault_outlives_cleanup_and_only_reset_leaves_it(life):
     assert life.arm().success
 
 
+def test_a_calibration_that_is_swapped_while_the_bridge_lives_knows_no_positions(life):
+    """A4: cleanup and configure take the new file; what was sent with the old one says nothing of it."""
+    for confirmed in (MID, []):  # the same file: where it was left is known
+        life.active()
+        count = len(life.board.moves)
+        assert life.arm(confirmed).success
+        wait_until(lambda count=count: len(life.board.moves) > count, 10.0, "a strut under power")
+        assert life.go(Transition.TRANSITION_DEACTIVATE)
+        assert life.go(Transition.TRANSITION_CLEANUP)
+    life.calibration.write_text(OWN_CALIBRATION.replace("trim_us: 0", "trim_us: 10"))
+    life.active()
+    count = len(life.board.moves)
+    refused = life.arm([])
+    assert not refused.success
+    assert "S1: nobody knows its length: the last pulses are of robot 'of the tests' with calibration" in refused.message
+    assert len(life.board.moves) == count
+    assert life.arm().success, "the operator has looked"
+
+
 def test_shutdown_with_a_lost_device_ends_the_process_well(life):
     life.unplugged_while_homing()
     life.go(Transition.TRANSITION_ACTIVE_SHUTDOWN)
@@ -190,7 +212,7 @@ def test_diagnostics_tell_what_a_person_needs(life):
     wait_until(lambda: seen["hardware_bridge: link"].message.startswith("lost"), 10.0, "a lost link in the diagnostics")
 
 
-OWN_CALIBRATION = "mid_stroke_length_m: 0.234\nstruts:\n" + "".join(
+OWN_CALIBRATION = "robot: of the tests\nmid_stroke_length_m: 0.234\nstruts:\n" + "".join(
     f"  S{n}: {{channel: {n}, pulse_at_zero_us: 1500, us_per_mm: 10.0, direction: 1, trim_us: 0, "
     "stroke_mm: [-49, 49], pulse_us: [1000, 2000]}\n"
     for n in range(1, 7)

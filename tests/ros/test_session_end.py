@@ -203,9 +203,11 @@ def test_on_a_real_port_the_last_bytes_hold_the_struts(processes, operator):
         own = processes.folder / "own.yaml"
         default = (files("hardware_bridge") / "data" / "calibration_default.yaml").read_text(encoding="utf-8")
         own.write_text(
-            default.replace("stroke_mm: [-50, 50]", "stroke_mm: [-49, 49]"), encoding="utf-8"
+            "robot: of the tests\n" + default.replace("stroke_mm: [-50, 50]", "stroke_mm: [-49, 49]"), encoding="utf-8"
         )  # measured, to all appearance
-        bridge = processes.start("hardware_bridge", port=board.port, homing_speed_m_s=0.02, calibration=own)
+        bridge = processes.start(
+            "hardware_bridge", port=board.port, homing_speed_m_s=0.02, calibration=own, silent_board=True, rested_s=600.0
+        )
         bridge.says("a real port")
         wait_until(lambda: operator.bridge is not None and operator.bridge.link_ok, 20.0, "the link")
         assert not operator.bridge.virtual_port

@@ -90,6 +90,19 @@ def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(proce
     assert "the calibration is the virtual prototype's: measure the robot's own" in answer.message
 
 
+def test_a_silent_board_and_a_nameless_robot_are_told_and_not_armed(processes, operator, real_port):
+    text = (files("hardware_bridge") / "data" / "calibration_default.yaml").read_text(encoding="utf-8")
+    own = processes.folder / "own.yaml"
+    own.write_text(text.replace("stroke_mm: [-50, 50]", "stroke_mm: [-49, 49]"), encoding="utf-8")
+    bridge = processes.start("hardware_bridge", port=real_port, calibration=own)
+    bridge.says("a robot without a name, calibration")
+    bridge.says(f'add a line such as robot: "blue one" to {own}')
+    answer = operator.call("bridge/arm", Arm.Request(lifted_and_clear=True, confirmed_lengths_m=[0.234] * 6))
+    assert not answer.success
+    assert "has never answered on" in answer.message
+    assert "if it cannot answer, start the bridge with silent_board:=true" in answer.message
+
+
 def test_a_real_port_has_no_time_scale(processes, real_port):
     error = one_line_error(processes.start("hardware_bridge", port=real_port, time_scale=2.0))
     assert "valid is 1 only" in error
@@ -112,6 +125,7 @@ def test_another_board_than_the_virtual_prototypes_is_a_one_line_error(processes
         ("gait_planner", {"library": "nonesuch"}, "shipped are:"),
         ("gait_planner", {"settle_timeout_s": "soon"}, "parameter settle_timeout_s: valid is a decimal number"),
         ("hardware_bridge", {"calibration": "/nowhere.yaml", "port": "/dev/null"}, "calibration /nowhere.yaml: cannot be read"),
+        ("hardware_bridge", {"port": "spy:///dev/null"}, "spy:// is not taken: it hides the device behind it"),
         ("hardware_bridge", {"board": "arduino", "port": "/dev/null"}, "board is 'arduino', valid is lsc, ssc32, or maestro"),
         ("hardware_bridge", {"board": "ssc32", "baud": 9600, "port": "/dev/null"}, "baud is 9600, valid is at least"),
     ],

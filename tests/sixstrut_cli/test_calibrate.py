@@ -4,14 +4,46 @@ from __future__ import annotations
 
 import subprocess
 import sys
+import threading
 
 import pytest
 
 from hardware_bridge.calibration import load_calibration
 from hardware_bridge.calibration_file import Unfinished
+from hardware_bridge.duty_record import DutyRecord
+from hardware_bridge.identity import Identity
+from hardware_bridge.last_pulses import LastPulses
+from hardware_bridge.limits import Limits
+from tests.hardware_bridge.helpers import Wire
 from tests.sixstrut_cli.terminal import CTRL_C, DOWN, ENTER, LEFT, PAGE_DOWN, PAGE_UP, RIGHT, UP, Terminal
 
-WORDS = ("--virtual", "--time-scale", "6")
+NAMED = ("--robot", "blue one")
+WORDS = ("--virtual", "--time-scale", "6", *NAMED)
+
+
+@pytest.fixture
+def wire():
+    """A board that only listens."""
+    wire = Wire()
+    yield wire
+    wire.cut()
+
+
+@pytest.fixture
+def answering():
+    """A board that answers, as long as the test lasts."""
+    wire, ended = Wire(answers=True), threading.Event()
+
+    def live():
+        while not ended.wait(0.005):
+            wire.listen()
+
+    thread = threading.Thread(target=live)
+    thread.start()
+    yield wire
+    ended.set()
+    thread.join()
+    wire.cut()
 
 
 @pytest.fixture
@@ -61,7 +93,11 @@ def strut(person, name):
 
 
 def test_a_person_walks_through_six_struts_leaves_and_comes_back(sit_down, tmp_path):
-    person = sit_down(*WORDS)
+    person = sit_down(*WORDS[:-2])
+    person.says("Name of this robot, as it shall be known and had best be written on it:")
+    person.press("x" * 41, ENTER)
+    person.says("is no name; type 1 to 40 characters")
+    person.press("blue one", ENTER)
     person.says("Length of a strut at mid stroke, node to node, in mm [234]:")
     person.press(ENTER)
     strut(person, "S1")
@@ -72,19 +108,24 @@ def test_a_person_walks_through_six_struts_leaves_and_comes_back(sit_down, tmp_p
     assert not (tmp_path / "mine.yaml").exists()
     assert list(Unfinished(tmp_path / "mine.yaml").struts) == ["S1"]
 
-    person = sit_down(*WORDS)
+    person = sit_down(*WORDS[:-1], "red one")
+    person.says("is of robot 'blue one': go on with --robot 'blue one', or remove it to begin anew")
+    assert person.ends() == 1
+    person = sit_down(*WORDS[:-2])
     person.says("Done already: S1; going on from")
     for name in ("S2", "S3", "S4", "S5", "S6"):
         strut(person, name)
+    person.says("robot 'blue one', calibration")
     person.says("Written:")
     assert person.ends() == 0
     calibration = load_calibration(tmp_path / "mine.yaml")
+    assert calibration.robot == "blue one"
     for each in calibration.struts:
         assert each.direction == 1
         assert each.us_per_mm == pytest.approx(10.0, rel=0.06), "the prototype's own, perturbed and pressed"
         assert each.pulse_at_zero_us + each.trim_us == pytest.approx(1500, abs=15)
         assert each.pulse_us == (1150, 1900)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["mine.yaml", "state"]
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.yaml"], "practice leaves nothing of robots behind"
 
 
 @pytest.mark.parametrize("board", ["ssc32", "maestro:crc"])
@@ -141,6 +182,55 @@ def test_without_a_terminal_it_says_so():
 
 
 def test_a_missing_port_is_one_line(sit_down):
-    person = sit_down("--port", "/dev/does_not_exist")
+    person = sit_down("--port", "/dev/does_not_exist", *NAMED)
     person.says("error: port /dev/does_not_exist: does not exist; start the virtual prototype, or power the robot")
     assert person.ends() == 1
+
+
+def test_a_real_board_that_nobody_knows_is_asked_about_and_its_robot_is_known_afterwards(sit_down, tmp_path, answering):
+    """On a pty of ours, so to the command a real port: rest is the operator's word, and what is moved is remembered."""
+    person = sit_down("--port", answering.port, *NAMED)
+    person.says("Nobody knows how long the actuators of robot 'blue one' have run lately.")
+    person.says("For how many seconds have they rested, for certain:")
+    person.press("60", ENTER)
+    person.says("count as spent for another")
+    assert person.ends() == 1
+    assert answering.moves() == []
+
+    person = sit_down("--port", answering.port, *NAMED)
+    person.says("for certain:")
+    person.press("900", ENTER)
+    person.says("[234]:")
+    person.press(ENTER)
+    person.says("Channel of S1")
+    person.press(ENTER)
+    person.says("all is clear")
+    person.press(ENTER)
+    person.says("r to see it again")
+    person.press(CTRL_C)
+    assert person.ends() == 130
+    blue = Identity("blue one", "", "lsc")
+    assert LastPulses(tmp_path / "state", blue).load([1]) == (1550,)
+    used_s = DutyRecord(tmp_path / "state", blue, Limits()).load(0.0, 1.0).used_s(0.0, Limits())
+    assert used_s[0] > 5.0
+    assert not used_s[1:].any()
+
+    person = sit_down("--port", answering.port, *NAMED)
+    person.says("Channel of S1")
+    person.press(ENTER)
+    person.says("It now goes to 1550 us, where it was last sent")
+    person.press(CTRL_C)
+    assert person.ends() == 130
+
+
+def test_a_silent_board_is_not_moved_without_the_word(sit_down, wire):
+    person = sit_down("--port", wire.port, *NAMED)
+    person.says("the board (lsc) has never answered on")
+    person.says("if it cannot answer, give --silent-board")
+    assert person.ends() == 1
+    person = sit_down("--port", wire.port, *NAMED, "--silent-board")
+    person.says("For how many seconds have they rested, for certain:")
+    person.press("0", ENTER)
+    person.says("count as spent for another 600 s")
+    assert person.ends() == 1
+    assert wire.moves() == []

@@ -56,9 +56,7 @@ def test_a_real_port_without_a_board_or_a_calibration_is_to_be_mended(tmp_path, 
 
 def test_a_board_that_answers_is_fine(monkeypatch):
     wire = Wire(answers=True)
-    from sixstrut_cli import doctor_port
-
-    monkeypatch.setattr(doctor_port.time, "sleep", lambda seconds: wire.listen())
+    monkeypatch.setattr("hardware_bridge.link.time.sleep", lambda seconds: wire.listen())
     *_, link = check_port(wire.port, 9600, Lsc())
     wire.cut()
     assert (link.health, link.told) == (Health.FINE, "the board answers: servo supply 7.40 V")
@@ -149,8 +147,16 @@ def test_calibrations_good_broken_and_unfinished(tmp_path):
     assert check_calibration(None, real=False).health is Health.SKIPPED
     assert "cannot be read" in check_calibration(file, real=True).told
     default = load_calibration()
-    write_calibration(file, 0.234, dict(zip(STRUTS, default.struts, strict=True)))
-    assert check_calibration(file, real=True).health is Health.FINE
+    struts = dict(zip(STRUTS, default.struts, strict=True))
+    write_calibration(file, 0.234, struts)
+    assert "names no robot" in check_calibration(file, real=False).told
+    nameless = check_calibration(file, real=True)
+    assert nameless.health is Health.MEND
+    assert f'add a line such as robot: "blue one" to {file}' in nameless.mend
+    write_calibration(file, 0.234, struts, "blue one")
+    named = check_calibration(file, real=True)
+    assert named.health is Health.FINE
+    assert named.told.startswith("robot 'blue one', ")
     part = Unfinished(file)
     part.mid_stroke_length_m = 0.234
     part.save()

@@ -29,6 +29,7 @@ class Quirks:
         error_moves: A cut frame or other error may move the channels (to their "home"): where they are is then unknown.
         tells_pulses: The answer to a liveness query holds the commanded pulses, so a reset is noticed.
         has_timeout: The board has a serial time-out of its own; see its codec for what must be set.
+        always_answers: Every board of the family answers a liveness query: one that does not is not there, or set wrongly.
     """
 
     pulse_us: tuple[int, int]
@@ -41,6 +42,7 @@ class Quirks:
     error_moves: bool
     tells_pulses: bool
     has_timeout: bool
+    always_answers: bool
 
 
 class Query(NamedTuple):

@@ -34,6 +34,7 @@ QUIRKS = Quirks(
     error_moves=False,
     tells_pulses=False,
     has_timeout=False,
+    always_answers=False,
 )
 
 

@@ -142,6 +142,7 @@ class Maestro:
             error_moves=True,
             tells_pulses=True,
             has_timeout=True,
+            always_answers=True,
         )
 
     def packet(self, command: int, *data: int) -> bytes:

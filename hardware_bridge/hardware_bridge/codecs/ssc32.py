@@ -33,6 +33,7 @@ QUIRKS = Quirks(
     error_moves=False,
     tells_pulses=True,
     has_timeout=False,
+    always_answers=True,
 )
 
 _SPEED_US_S = (1, 65535)

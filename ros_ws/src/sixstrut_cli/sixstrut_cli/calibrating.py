@@ -6,11 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
-from hardware_bridge.calibration import STRUTS, Calibration, StrutCalibration
+from hardware_bridge.calibration import LONGEST_NAME, STRUTS, Calibration, StrutCalibration, load_calibration, robot_name
 from hardware_bridge.calibration_file import Unfinished, write_calibration
-from hardware_bridge.errors import CalibrationError
+from hardware_bridge.errors import CalibrationError, DutyError
 from hardware_bridge.jogger import Jogger
 from hardware_bridge.strut_fit import NOMINAL_PULSE_US, Measured, check_straight, fit, pulse_at_mm
 from sixstrut_cli.keys import DOWN, ENTER, LEFT, PAGE_DOWN, PAGE_UP, RIGHT, UP, pressed
@@ -23,12 +24,47 @@ _STEPS_US = {UP: 10, DOWN: -10, PAGE_UP: 50, PAGE_DOWN: -50, RIGHT: 1, LEFT: -1}
 _JOG = "Up/Down 10 us, PgUp/PgDn 50 us, Right/Left 1 us; Enter when there"
 
 
+def ask_robot(file: Path, given: str, console: Console) -> str:
+    """The robot's name: the given one, the unfinished calibration's, or as a person types it; a finished one's is offered.
+
+    Raises:
+        CalibrationError: It is no name, or the unfinished calibration is another robot's.
+    """
+    unfinished = Unfinished(file)
+    if given:
+        name = robot_name(given, "--robot")
+        if unfinished.robot not in (None, name):
+            problem = f"is of robot {unfinished.robot!r}: go on with --robot {unfinished.robot!r}, or remove it to begin anew"
+            raise CalibrationError(str(unfinished.path), problem)
+        return name
+    if unfinished.robot is not None:
+        return unfinished.robot
+    finished = measured_before(file)
+    offered = None if finished is None else finished.robot
+    shown = "" if offered is None else f" {escape(f'[{offered}]')}"
+    while True:
+        text = console.input(f"Name of this robot, as it shall be known and had best be written on it{shown}: ").strip()
+        try:
+            return robot_name(text or offered, "")
+        except CalibrationError:
+            console.print(f"[red]{escape(repr(text))} is no name; type 1 to {LONGEST_NAME} characters.[/]", highlight=False)
+
+
+def measured_before(file: Path) -> Calibration | None:
+    """The finished calibration in a file; None: there is none that can be used."""
+    try:
+        return load_calibration(file)
+    except CalibrationError:
+        return None
+
+
 class Walk:
     """One calibration from its first question to its file. What is done is kept after every strut."""
 
-    def __init__(self, file: Path, jogger: Jogger, seen: Seen, console: Console):
+    def __init__(self, file: Path, robot: str, jogger: Jogger, seen: Seen, console: Console):
         """Raises CalibrationError: there is an unfinished calibration that cannot be understood."""
         self._file = file
+        self._robot = robot
         self._jogger = jogger
         self._seen = seen
         self._console = console
@@ -38,14 +74,16 @@ class Walk:
         """All struts that are not done yet, then the file.
 
         Raises:
-            CalibrationError, TransportError, LinkLost, StateFileError.
+            CalibrationError, TransportError, LinkLost, StateFileError, DutyError.
             KeyboardInterrupt, EOFError: interrupted; what is done is kept.
         """
         self._say(
             "[bold]Lift the robot, hang no load on the strut that is measured, keep hands clear of the others, and have the "
             "switch of the servo supply within reach.[/] Ctrl-C leaves at any moment; the same command goes on from there."
         )
+        self._ask_rest()
         done = self._unfinished
+        done.robot = self._robot
         if done.mid_stroke_length_m is None:
             done.mid_stroke_length_m = self._number("Length of a strut at mid stroke, node to node, in mm", 234.0) * 1e-3
             done.save()
@@ -58,10 +96,21 @@ class Walk:
                 except CalibrationError as error:
                     self._say(f"[red]{error}[/]\nOnce more, {name} from the start.")
             done.save()
-        calibration = write_calibration(self._file, done.mid_stroke_length_m, done.struts)
+        calibration = write_calibration(self._file, done.mid_stroke_length_m, done.struts, self._robot)
+        self._jogger.becomes(calibration.hash)
         done.remove()
-        self._show(done.struts)
+        self._show(calibration, done.struts)
         return calibration
+
+    def _ask_rest(self) -> None:
+        """Raises DutyError: the actuators may have run until lately; they must rest first."""
+        if not self._jogger.history_is_known:
+            self._say(f"Nobody knows how long the actuators of robot {escape(repr(self._robot))} have run lately.")
+            self._jogger.rested(self._number("For how many seconds have they rested, for certain", None, 1e7))
+            self._jogger.require_rest(0)
+
+    def _go(self, name: str, channel: int, pulse_us: int) -> int:
+        return self._jogger.go(STRUTS.index(name), channel, pulse_us)
 
     def _strut(self, name: str, mid_mm: float) -> StrutCalibration:
         self._say(f"\n[bold]{name}[/], strut {STRUTS.index(name) + 1} of {len(STRUTS)}")
@@ -71,13 +120,13 @@ class Walk:
         where = "at full speed, from wherever it is" if known is None else "where it was last sent"
         self._say(f"It now goes to {pulse} us, {where}: a board ignores the time of a first move. Enter when all is clear.")
         self._keys(ENTER)
-        self._jogger.go(channel, pulse)
-        longer = self._direction(channel, pulse)
+        self._go(name, channel, pulse)
+        longer = self._direction(name, channel, pulse)
         self._say(f"Make it [bold]shorter[/] with Down, to 2 mm before its stop. {_JOG}.")
         short = self._end(name, channel, longer)
         self._say(f"Make it [bold]longer[/] with Up, to 2 mm before its stop. {_JOG}.")
         long = self._end(name, channel, longer)
-        self._jogger.go(channel, pulse_at_mm(name, short, long, mid_mm))
+        self._go(name, channel, pulse_at_mm(name, short, long, mid_mm))
         middle = self._measured(name, channel, "It is back near mid stroke.")
         check_straight(name, short, long, middle)
         self._say(f"Trim: bring it to exactly {mid_mm:g} mm. {_JOG}.")
@@ -92,15 +141,15 @@ class Walk:
                 return channel
             self._say(f"[red]Channel {channel} is {taken[channel]}'s; give each strut its own.[/]")
 
-    def _direction(self, channel: int, pulse_us: int) -> int:
+    def _direction(self, name: str, channel: int, pulse_us: int) -> int:
         """+1 if a longer pulse lengthens the strut, as a person sees it."""
         while True:
-            self._jogger.go(channel, pulse_us + TEST_STEP_US)
+            self._go(name, channel, pulse_us + TEST_STEP_US)
             self._say(f"It went {TEST_STEP_US} us up. Press [bold]l[/] if it got longer, [bold]s[/] if shorter, r to see it again.")
             key = self._keys("l", "s", "r")
             if key != "r":
                 return 1 if key == "l" else -1
-            self._jogger.go(channel, pulse_us)
+            self._go(name, channel, pulse_us)
 
     def _end(self, name: str, channel: int, longer: int) -> Measured:
         self._jog(name, channel, longer)
@@ -111,8 +160,11 @@ class Walk:
             while (key := keys.next()) != ENTER:
                 present = self._jogger.pulse_us(channel)
                 if key in _STEPS_US and present is not None:
-                    now = self._jogger.go(channel, present + longer * _STEPS_US[key])
-                    self._console.print(f"  {name}: {now} us", highlight=False)
+                    try:
+                        now = self._go(name, channel, present + longer * _STEPS_US[key])
+                        self._console.print(f"  {name}: {now} us", highlight=False)
+                    except DutyError as error:
+                        self._say(f"[red]{error}[/]")
         pulse = self._jogger.pulse_us(channel)
         assert pulse is not None
         return pulse
@@ -122,7 +174,7 @@ class Walk:
         assert pulse is not None
         return Measured(pulse, self._number(f"{what} Length of {name} now, node to node, in mm", self._seen(name)))
 
-    def _number(self, question: str, default: float | None) -> float:
+    def _number(self, question: str, default: float | None, largest: float = 1000.0) -> float:
         offered = "" if default is None else f" \\[{default:g}]"
         while True:
             text = self._console.input(f"{question}{offered}: ").strip()
@@ -132,9 +184,9 @@ class Walk:
                 value = float(text.replace(",", "."))
             except ValueError:
                 value = float("nan")
-            if 0.0 <= value <= 1000.0:
+            if 0.0 <= value <= largest:
                 return value
-            self._say(f"[red]{text!r} is no number from 0 to 1000; type one, such as 233.5.[/]")
+            self._say(f"[red]{escape(repr(text))} is no number from 0 to {largest:.0f}; type one, such as 233.5.[/]")
 
     def _keys(self, *valid: str) -> str:
         with pressed() as keys:
@@ -145,8 +197,9 @@ class Walk:
     def _say(self, text: str) -> None:
         self._console.print(text, highlight=False)
 
-    def _show(self, struts: dict[str, StrutCalibration]) -> None:
-        table = Table("strut", "channel", "mid stroke [us]", "slope [us/mm]", "longer pulse", "stroke [mm]")
+    def _show(self, calibration: Calibration, struts: dict[str, StrutCalibration]) -> None:
+        title = escape(f"robot {calibration.robot!r}, calibration {calibration.hash[:12]}")
+        table = Table("strut", "channel", "mid stroke [us]", "slope [us/mm]", "longer pulse", "stroke [mm]", title=title)
         for name, strut in struts.items():
             low_mm, high_mm = strut.stroke_mm
             middle_us = strut.pulse_at_zero_us + strut.trim_us

@@ -16,7 +16,7 @@ from hardware_bridge.calibration import load_calibration
 from hardware_bridge.calibration_file import Unfinished
 from hardware_bridge.codecs import Board
 from hardware_bridge.errors import BridgeError
-from hardware_bridge.last_pulses import state_directory
+from hardware_bridge.state_file import state_directory
 from hardware_bridge.virtual_port import default_link, read_handshake
 from tensegrity_robot.discovery import PROFILES, RANGE
 from tensegrity_robot.session_log import bag_folder
@@ -48,7 +48,7 @@ def examine(port: str, board: Board, baud: int, calibration: Path | None) -> Ite
     """Every check, in the order in which things must be mended.
 
     Args:
-        port: device or URL of the board; empty: the virtual prototype's link.
+        port: device or socket://HOST:PORT of the board; empty: the virtual prototype's link.
         calibration: its file; None: none is given.
     """
     from sixstrut_cli.doctor_port import check_bluetooth, check_port
@@ -115,7 +115,14 @@ def check_calibration(path: Path | None, real: bool) -> Finding:
         return Finding(what, Health.MEND, str(error), f"correct that line, or measure anew: {again}")
     if unfinished.path.exists():
         return Finding(what, Health.MEND, f"a newer one is unfinished: {unfinished.path}", f"go on with it: {again}; or remove it")
-    return Finding(what, Health.FINE, f"{path}, hash {calibration.hash[:12]}")
+    told = f"{path}, hash {calibration.hash[:12]}"
+    if calibration.robot is not None:
+        return Finding(what, Health.FINE, f"robot {calibration.robot!r}, {told}")
+    told += ", names no robot"
+    if not real:
+        return Finding(what, Health.FINE, told)
+    mend = f'give the robot a name of its own: add a line such as robot: "blue one" to {path}'
+    return Finding(what, Health.MEND, f"{told}: where its struts are and how long they ran is forgotten at each start", mend)
 
 
 def check_folder(what: str, folder: Path, needed_bytes: int) -> Finding:

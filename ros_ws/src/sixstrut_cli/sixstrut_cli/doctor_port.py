@@ -7,12 +7,12 @@ import os
 import shutil
 import stat
 import subprocess
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from hardware_bridge.codecs import MAX_SERVOS, Board
+from hardware_bridge.codecs import Board
 from hardware_bridge.errors import BridgeError, PortBusy
+from hardware_bridge.link import first_answer
 from hardware_bridge.transport import SerialTransport
 from sixstrut_cli.doctor import Finding, Health
 
@@ -121,16 +121,8 @@ def _holders(port: str) -> Iterator[tuple[int, str]]:
 
 
 def _ask(transport: SerialTransport, board: Board) -> Finding:
-    first = board.quirks.channels[0]
-    query = board.encode_query(range(first, first + MAX_SERVOS))
-    reply = b""
     try:
-        transport.write_all(query.data)
-        end = time.monotonic() + ANSWER_LIMIT_S
-        while time.monotonic() < end and len(reply) < query.reply_bytes:
-            reply += transport.read_available()
-            time.sleep(0.01)
-        answer = board.parse_reply(reply, MAX_SERVOS)
+        answer = first_answer(transport, board, ANSWER_LIMIT_S)
         if answer is not None and answer.errors:
             told = f"the board answers, with errors: {', '.join(answer.errors)}"
             return Finding("link", Health.MEND, told, "check supply and wiring; asking has cleared them on the board")
@@ -140,7 +132,10 @@ def _ask(transport: SerialTransport, board: Board) -> Finding:
     except BridgeError as error:
         return Finding("link", Health.MEND, str(error), "check power and range, then look again")
     told = f"{transport.port} opens, but no board answers within {ANSWER_LIMIT_S:g} s"
-    return Finding("link", Health.MEND, told, "switch the board's supply on, check its baud rate; some boards never answer")
+    mend = "switch the board's supply on, check its baud rate"
+    if not board.quirks.always_answers:
+        mend += "; some of its kind never answer: the bridge arms such a one with silent_board:=true"
+    return Finding("link", Health.MEND, told, mend)
 
 
 def _text(path: Path) -> str:

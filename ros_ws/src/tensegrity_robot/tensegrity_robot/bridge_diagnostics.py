@@ -79,6 +79,8 @@ def _link(node: str, snapshot: Snapshot) -> DiagnosticStatus:
     values = (
         ("port", snapshot.port),
         ("virtual", snapshot.virtual_port),
+        ("robot", snapshot.robot or "the calibration names none"),
+        ("calibration", snapshot.calibration_hash),
         ("frames sent", snapshot.frames_sent),
         ("write errors", snapshot.write_errors),
         ("times opened again", snapshot.reopened),
@@ -130,8 +132,12 @@ def _supply(node: str, snapshot: Snapshot) -> DiagnosticStatus:
 
 def _board(node: str, snapshot: Snapshot) -> DiagnosticStatus:
     errors = snapshot.board_errors
-    told = "; ".join(errors) if errors else "has told no error"
-    return _status(f"{node}: board", ERROR if errors else OK, told, snapshot.port, (("errors", len(errors)),))
+    level, told = OK, "has told no error"
+    if errors:
+        level, told = ERROR, "; ".join(errors)
+    elif not snapshot.answered:
+        level, told = WARN, "has never answered since the port was opened: check its supply, port, rate and wiring"
+    return _status(f"{node}: board", level, told, snapshot.port, (("errors", len(errors)), ("answered", snapshot.answered)))
 
 
 def _log(node: str, log: LogFacts | None, port: str) -> DiagnosticStatus:

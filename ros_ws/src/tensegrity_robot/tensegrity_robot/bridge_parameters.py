@@ -21,7 +21,7 @@ from tensegrity_robot.parameters import parameter
 class BridgeParameters:
     """Parameters of the bridge; the descriptions are what `ros2 param describe` shows."""
 
-    port: str = parameter("", "device or pyserial URL of the board; empty: the virtual prototype's well-known link")
+    port: str = parameter("", "device or socket://HOST:PORT of the board; empty: the virtual prototype's well-known link")
     board: str = parameter(
         "lsc", "servo board: lsc, ssc32 or maestro, the last with :device=N (Pololu protocol) and :crc if so set"
     )
@@ -37,12 +37,21 @@ class BridgeParameters:
     slack_limit: int = parameter(6, "most tendons that may hang slack in a shape [1]", low=0, high=24)
     duty_fraction: float = parameter(0.2, "part of the duty window that a strut may run [1]", low=0.01, high=1.0)
     duty_window_s: float = parameter(600.0, "window of the duty budget [s of robot time]", low=10.0, high=3600.0)
+    rested_s: float = parameter(
+        0.0,
+        "the operator's word at the start: so long the actuators have rested [s of robot time]; what nobody knows counts as run",
+        low=0.0,
+        high=1e7,
+    )
+    silent_board: bool = parameter(False, "the operator's word: this board cannot answer; arm it all the same")
     supply_low_v: float = parameter(6.4, "servo supply below which no gait is begun [V], if the board tells it", low=0.1, high=60.0)
     frame_period_s: float = parameter(0.05, "time between frames to the board [s of robot time]", low=0.03, high=0.5)
     homing_speed_m_s: float = parameter(0.008, "speed of the slow move to mid stroke [m/s]", low=0.0005, high=0.02)
     goal_age_s: float = parameter(0.5, "oldest stamp of a motion [s]", low=0.05, high=5.0)
     lease_silence_s: float = parameter(1.0, "longest silence of the lease's holder [s]", low=0.2, high=10.0)
-    state_folder: str = parameter("", "where the last pulses are kept; empty: $SIXSTRUT_STATE_DIR or ~/.local/state/sixstrut")
+    state_folder: str = parameter(
+        "", "where what is known of robots is kept; empty: $SIXSTRUT_STATE_DIR or ~/.local/state/sixstrut"
+    )
     record: bool = parameter(True, "record the session as a bag")
     bag_folder: str = parameter("", "where bags go; empty: $SIXSTRUT_BAGS or ./bags")
     space_limit_mb: float = parameter(

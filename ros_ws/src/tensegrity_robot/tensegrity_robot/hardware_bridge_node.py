@@ -60,6 +60,11 @@ SET_ON_THE_BOARD = (
     "acceleration 0, serial time-out {:g} s"
 )
 
+NAMELESS = (
+    "the calibration names no robot: where its struts are and how long they ran is forgotten at each start, and counts as unknown "
+    'and spent; add a line such as robot: "blue one" to {}'
+)
+
 
 class HardwareBridgeNode(LifecycleNode):
     """See the module."""
@@ -86,6 +91,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._active = False
         self._failure: BridgeError | None = None
         self._latched = ""
+        self._rested_s = p.rested_s
         self._hint = f"unconfigured: ros2 lifecycle set {self.get_fully_qualified_name()} configure"
         self._hinted = False
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
@@ -232,11 +238,14 @@ class HardwareBridgeNode(LifecycleNode):
             baud=p.baud or None,
             time_scale=p.time_scale or None,
             state_dir=Path(p.state_folder) if p.state_folder else None,
+            rested_s=self._rested_s,
+            silent_board=p.silent_board,
             on_sent=self._on_bridge_sent,
             on_face=self._on_bridge_face,
             on_state=self._on_bridge_state,
         )
         self._bridge = bridge
+        self._rested_s = 0.0  # was said of the first opening
         if self._latched:  # only reset leaves a fault, not another opening of the port
             bridge.stop(self._latched)
         snapshot = bridge.snapshot()
@@ -247,15 +256,20 @@ class HardwareBridgeNode(LifecycleNode):
         if self._topics.log is not None:
             facts |= {"port": port, "kind": kind, "board": bridge.board.spec}
             facts |= {"time_scale": f"{snapshot.time_scale:g}", "calibration": rules.calibration.hash}
+            facts |= {"robot": snapshot.robot}
             self._topics.log.open(bag_folder(p.bag_folder), self._topics.types, attachments, facts)
             watch = LogWatch(self._topics.log, p.space_limit_mb)
             threading.Thread(target=self._mend_journals, name="mend", daemon=True).start()
         self._conditions = MotionConditions(bridge, self._observing, watch, facts.get("library", ""))
         self._observing.begin(bridge, p.observer)
         bag = f", recording {self._topics.log.path}" if self._topics.log else ", not recording"
+        named = "" if snapshot.virtual_port else f"robot {snapshot.robot!r}, " if snapshot.robot else "a robot without a name, "
         self.get_logger().info(
-            f"{kind} at {port}, board {bridge.board.spec}, time scale {snapshot.time_scale:g}{bag}; DISARMED, nothing moves"
+            f"{kind} at {port}, {named}calibration {rules.calibration.hash[:12]}, board {bridge.board.spec}, "
+            f"time scale {snapshot.time_scale:g}{bag}; DISARMED, nothing moves"
         )
+        if not (snapshot.virtual_port or snapshot.robot):
+            self.get_logger().warning(NAMELESS.format(p.calibration or "its own calibration"))
         if bridge.board_timeout_s is not None and not snapshot.virtual_port:
             self.get_logger().info(SET_ON_THE_BOARD.format(bridge.board_timeout_s))
         self._publish_diagnostics()

@@ -13,31 +13,39 @@ import typer
 
 def command(
     file: Annotated[Path, typer.Argument(help="The YAML to write.")] = Path("calibration.yaml"),
+    robot: Annotated[
+        str, typer.Option(help="The robot's name, by which it is known at any port; default: asked.", show_default=False)
+    ] = "",
     port: Annotated[
-        str, typer.Option(help="Device or pyserial URL of the board; default: the virtual prototype's link.", show_default=False)
+        str,
+        typer.Option(help="Device or socket://HOST:PORT; default: the virtual prototype's link.", show_default=False),
     ] = "",
     board: Annotated[str, typer.Option(help="lsc, ssc32 or maestro, the last with :device=N and :crc if so set.")] = "lsc",
     baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
+    silent_board: Annotated[bool, typer.Option("--silent-board", help="This board cannot answer; move it all the same.")] = False,
     virtual: Annotated[bool, typer.Option("--virtual", help="Practise on a virtual prototype of its own.")] = False,
     time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Of the virtual prototype.")] = 4.0,
 ) -> None:
-    """Walk through six struts: channel, direction, end points with measured lengths, trim. Writes a calibration.
+    """Walk through six struts: channel, direction, end points with measured lengths, trim. Writes a calibration of a named robot.
 
     Needs a ruler and a terminal. Interrupted with Ctrl-C, it goes on from there when it is started again with the same file.
     The bridge must not run meanwhile: it holds the port.
 
-    sixstrut calibrate mine.yaml --port /dev/rfcomm0
+    sixstrut calibrate mine.yaml --port /dev/rfcomm0 --robot "blue one"
     sixstrut calibrate mine.yaml --port /dev/ttyUSB0 --board ssc32
     sixstrut calibrate practice.yaml --virtual --board maestro
     """
     from rich.console import Console
 
     from hardware_bridge.codecs.registry import parse_board
+    from hardware_bridge.identity import Identity, canonical_link
     from hardware_bridge.jogger import Jogger
-    from hardware_bridge.last_pulses import LastPulses, state_directory
+    from hardware_bridge.limits import Limits
+    from hardware_bridge.records import Records
+    from hardware_bridge.state_file import state_directory
     from hardware_bridge.transport import SerialTransport
     from hardware_bridge.virtual_port import agree_on_board, default_link, read_handshake
-    from sixstrut_cli.calibrating import Walk
+    from sixstrut_cli.calibrating import Walk, ask_robot, measured_before
     from sixstrut_cli.keys import require_keyboard
     from sixstrut_cli.practice import Eyes, practice_prototype
 
@@ -51,12 +59,21 @@ def command(
         chosen = str(practice or port or default_link())
         handshake = read_handshake(chosen)
         agree_on_board(chosen, behind.spec, handshake)
-        record = LastPulses(state_directory(), chosen, "" if handshake is None else handshake.instance)
+        name = ask_robot(file, robot, console)
+        before = measured_before(file)
+        measured = before.hash if before is not None and before.robot == name else ""
+        identity = Identity(name, measured, behind.spec)
+        if handshake is not None:
+            identity = Identity(handshake.instance, measured, behind.spec, canonical_link(chosen))
+        limits = Limits()
+        records = Records(state_directory() if practice is None else practice.parent, identity, limits, chosen)
+        stack.callback(records.close)
         scale = 1.0 if handshake is None else handshake.time_scale
-        jogger = Jogger(SerialTransport(chosen, baud or behind.quirks.usual_baud), behind, record, scale)
+        transport = SerialTransport(chosen, baud or behind.quirks.usual_baud)
+        jogger = Jogger(transport, behind, records, limits, scale, silent_board)
         stack.callback(jogger.close)
         eyes = stack.enter_context(Eyes(None if handshake is None else handshake.observer, scale))
-        walk = Walk(file, jogger, eyes.length_mm, console)
+        walk = Walk(file, name, jogger, eyes.length_mm, console)
         try:
             walk.run()
         except (KeyboardInterrupt, EOFError):

@@ -15,7 +15,8 @@ EXIT_MEND = 4
 
 def command(
     port: Annotated[
-        str, typer.Option(help="Device or pyserial URL of the board; default: the virtual prototype's link.", show_default=False)
+        str,
+        typer.Option(help="Device or socket://HOST:PORT; default: the virtual prototype's link.", show_default=False),
     ] = "",
     board: Annotated[str, typer.Option(help="lsc, ssc32 or maestro, the last with :device=N and :crc if so set.")] = "lsc",
     baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,

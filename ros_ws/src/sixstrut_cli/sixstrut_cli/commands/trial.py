@@ -23,11 +23,15 @@ def command(
     order_seed: Annotated[int | None, typer.Option(min=0, help="Draws the order. [default: drawn and kept]")] = None,
     experimenter: Annotated[str, typer.Option(help="Who runs it. [default: your login]")] = "",
     robot: Annotated[str | None, typer.Option(help="Which prototype: one name for each.")] = None,
-    port: Annotated[str, typer.Option(help="Device or pyserial URL of the board.", show_default=False)] = "",
+    port: Annotated[str, typer.Option(help="Device or socket://HOST:PORT of the board.", show_default=False)] = "",
     calibration: Annotated[Path | None, typer.Option(help="The robot's calibration YAML.", show_default=False)] = None,
     virtual: Annotated[bool, typer.Option("--virtual", help="Virtual trials, on a virtual prototype of its own.")] = False,
     board: Annotated[str, typer.Option(help="Servo board: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
     baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
+    rested: Annotated[
+        float, typer.Option(min=0.0, max=1e7, help="Seconds for which the actuators have rested; what nobody knows counts as run.")
+    ] = 0.0,
+    silent_board: Annotated[bool, typer.Option("--silent-board", help="This board cannot answer; arm it all the same.")] = False,
     perturbation: Annotated[
         float | None, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the virtual prototype is off. [default: 0.05]")
     ] = None,
@@ -66,5 +70,6 @@ def command(
         "actuators": actuators,
     }
     where = str(calibration or "")
-    asked = Asked(session, plan, experimenter or login(), virtual, port, board, baud, where, time_scale, by_hand, plan_only)
+    who = experimenter or login()
+    asked = Asked(session, plan, who, virtual, port, board, baud, where, time_scale, by_hand, plan_only, rested, silent_board)
     raise typer.Exit(run(asked))

@@ -41,6 +41,7 @@ class Hardware:
     Attributes:
         port: device or URL; empty: a virtual prototype is started. calibration: YAML; empty: the virtual prototype's.
         board, baud: of the servo board. time_scale: of a virtual prototype. observed: somebody or something else tells faces.
+        rested_s, silent_board: the operator's words to the bridge, see its parameters; the first is said of the first start.
     """
 
     port: str
@@ -49,6 +50,8 @@ class Hardware:
     calibration: str
     time_scale: float
     observed: bool
+    rested_s: float = 0.0
+    silent_board: bool = False
 
 
 class Rolled(NamedTuple):
@@ -101,6 +104,8 @@ class Lab:
             "calibration": hardware.calibration,
             "bag_folder": self._session.bags.resolve(),
             "library": library,
+            "rested_s": hardware.rested_s if self.starts == 1 else 0.0,
+            "silent_board": hardware.silent_board,
         }
         if not hardware.port:
             bridge |= {"time_scale": hardware.time_scale, "state_folder": self._links}

@@ -53,7 +53,8 @@ class Asked:
 
     Attributes:
         session: folder; None: a new one. plan: what defines a session, by the names of `Settings`.
-        virtual: a virtual prototype is started. port, board, baud, calibration, time_scale: see `Hardware`.
+        virtual: a virtual prototype is started. port, board, baud, calibration, time_scale, rested_s, silent_board: see
+        `Hardware`.
         by_hand: a person judges, though an observer could. plan_only: show the plan and leave.
     """
 
@@ -68,6 +69,8 @@ class Asked:
     time_scale: float
     by_hand: bool
     plan_only: bool
+    rested_s: float = 0.0
+    silent_board: bool = False
 
     @property
     def virtual_robot(self) -> bool:
@@ -203,7 +206,16 @@ class _Run:
             return self._end(0)
         own_domain()
         compile_first(Stage.ROBOT, Stage.BATCH)
-        hardware = Hardware(asked.port, asked.board, asked.baud, asked.calibration, asked.time_scale, self._automatic)
+        hardware = Hardware(
+            asked.port,
+            asked.board,
+            asked.baud,
+            asked.calibration,
+            asked.time_scale,
+            self._automatic,
+            asked.rested_s,
+            asked.silent_board,
+        )
         lab = Lab(folder, hardware, lock)
         kind = "virtual trials" if folder.settings.virtual_robot else "trials"
         panel: Panel = Live(kind) if sys.stdout.isatty() else Lines(kind)

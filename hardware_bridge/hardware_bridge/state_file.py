@@ -1,0 +1,72 @@
+"""Small JSON files that outlive the bridge: replaced whole, never written or read through a link, never larger than they may be."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import stat
+from pathlib import Path
+
+LARGEST_BYTES = 1_000_000
+"""More than any record can need; what is larger is not read."""
+
+
+class UnreadableError(Exception):
+    """There is a file, and it is none of ours; the text says why, for people."""
+
+
+def state_directory() -> Path:
+    """``$SIXSTRUT_STATE_DIR``, or ``~/.local/state/sixstrut``."""
+    configured = os.environ.get("SIXSTRUT_STATE_DIR")
+    return Path(configured) if configured else Path.home() / ".local" / "state" / "sixstrut"
+
+
+def read(path: Path) -> dict[str, object] | None:
+    """The object in a file; None: there is no such file. Not-a-number and infinity are no JSON here.
+
+    Raises:
+        UnreadableError: It is no plain file, is too large, or holds no JSON object.
+    """
+    try:
+        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except FileNotFoundError:
+        return None
+    except OSError as error:
+        raise UnreadableError(f"{path} cannot be read ({error.strerror})") from error
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise UnreadableError(f"{path} is no plain file")
+    with os.fdopen(descriptor, "rb") as file:
+        try:
+            text = file.read(LARGEST_BYTES + 1)
+        except OSError as error:
+            raise UnreadableError(f"{path} cannot be read ({error.strerror})") from error
+    if len(text) > LARGEST_BYTES:
+        raise UnreadableError(f"{path} is larger than {LARGEST_BYTES} bytes")
+    try:
+        data = json.loads(text, parse_constant=_refuse)
+    except (ValueError, RecursionError) as error:
+        raise UnreadableError(f"{path} is damaged") from error
+    if not isinstance(data, dict):
+        raise UnreadableError(f"{path} is damaged")
+    return data
+
+
+def write(path: Path, data: dict[str, object], durable: bool = False) -> None:
+    """Replaces a file at once, whatever it was; ``durable`` waits for the disk. Raises OSError: the old one stays."""
+    temporary = path.with_suffix(f".{os.getpid()}.tmp")
+    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+    with contextlib.suppress(FileNotFoundError):
+        temporary.unlink()  # of a process of this number that was killed
+    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+        file.write(json.dumps(data, allow_nan=False))
+        if durable:
+            file.flush()
+            os.fsync(descriptor)
+    os.replace(temporary, path)
+
+
+def _refuse(constant: str) -> object:
+    raise ValueError(f"{constant} is no JSON")
