@@ -84,5 +84,5 @@ class Jogger:
         pulses = self._pulses_us | {channel: pulse_us}
         before = self._pulses_us.get(channel, pulse_us)
         self._record.save(list(pulses), list(pulses.values()))
-        self._transport.write_all(self._board.encode_move([pulse_us], [channel], round(STEP_S * 1100), [before]))
+        self._transport.write_all(self._board.encode_move([pulse_us], [channel], round(STEP_S * 1e3), [before]))
         self._pulses_us = pulses
