@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
+from hardware_bridge.age import Age
 from hardware_bridge.calibration import STRUTS
 from hardware_bridge.checks import SHAPE_STEP_M, Rules, check_homing, check_trajectory
 from hardware_bridge.codecs import Board
@@ -135,7 +136,7 @@ class Bridge:
         """Ends any motion and closes the port; closing twice is fine. The struts keep their power and hold.
 
         Args:
-            hold: Send the present pulses once more, so that the board stops at once; else it ends its last short frame.
+            hold: Send the struts to where the board is, so that it stops at once; else it ends its last short frame.
 
         Raises:
             StateFileError: The last pulses could not be kept; the port is closed all the same.
@@ -187,11 +188,9 @@ class Bridge:
 
     def returns(self, trajectory: Trajectory) -> bool:
         """Whether a motion only takes struts nearer to mid stroke, from where they are: that way must always be open."""
-        calibration = self.rules.calibration
-        quantum_m = max(strut.quantum_m for strut in calibration.struts)
         with self._engine.lock:
             path = trajectory.starting_at(self._engine.lengths_m())
-        return returns(path, calibration.mid_stroke_length_m, quantum_m)
+        return returns(path, self.rules.calibration)
 
     def arm(self, holder: str, lifted_and_clear: bool, confirmed_lengths_m: Sequence[float | None] | None = None) -> str:
         """Takes the lease and begins homing, which ends in ARMED (see ``snapshot`` and ``on_state``).
@@ -247,17 +246,18 @@ class Bridge:
         Args:
             trajectory: See :class:`Trajectory`; ``Trajectory.from_names`` makes one from a message's fields.
             lease: From ``arm``.
-            stamp_age_s: Wall time since the command was made, in [s].
+            stamp_age_s: Wall time since the command was made, in [s]. What judging takes here is added.
 
         Raises:
             Refused: Nothing moves. :class:`LimitError`, :class:`ShapeError`, :class:`LeaseError`, :class:`StaleError`,
                 :class:`StateError`, :class:`FaultLatched`.
         """
+        age = Age(stamp_age_s)
         self.judge_motion(trajectory, lease)
         with self._engine.lock:
             self._require_open("execute")
             number = self._motion_count + 1
-            self._engine.apply(Execute(trajectory, lease, stamp_age_s, number))
+            self._engine.apply(Execute(trajectory, lease, age.now_s(), number))
             self._motion_count = number
             return self._engine.add_motion(number, trajectory.duration_s)
 
@@ -274,8 +274,8 @@ class Bridge:
         """Latches FAULT with the struts held. Works in every state and never raises.
 
         No frame that could move a strut is begun after this call. No board can be told to stop where it is and say so,
-        hence the last pulses are sent again with the shortest duration. This is not an emergency stop: that is a switch
-        on the servo supply.
+        hence the struts are sent to where the board must be by now. This is not an emergency stop: that is a switch on the
+        servo supply.
         """
         with self._engine.barred(), self._engine.lock:
             self._engine.apply(Stop(reason))

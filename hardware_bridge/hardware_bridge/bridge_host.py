@@ -18,6 +18,7 @@ from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any, NamedTuple
 
+from hardware_bridge.age import Age
 from hardware_bridge.bridge import Bridge
 from hardware_bridge.checks import Rules
 from hardware_bridge.errors import BridgeError, StateError
@@ -208,8 +209,9 @@ class BridgeHost:
     def _judge_motion(self, trajectory: Trajectory, lease: str) -> None:
         self._present.judge_motion(_checked(trajectory), lease)
 
-    def _execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float) -> tuple[int, float]:
-        handle = self._present.execute(_checked(trajectory), lease, stamp_age_s)
+    def _execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float, asked_s: float) -> tuple[int, float]:
+        age = Age(stamp_age_s, received_s=asked_s)  # on its way here it grows older, too
+        handle = self._present.execute(_checked(trajectory), lease, age.now_s())
         with self._lock:
             self._motions[handle.number] = handle
         self._tell_ends()  # it may have ended already

@@ -10,17 +10,19 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hardware_bridge.along import most_hasty, points_along
 from hardware_bridge.calibration import STRUTS, Calibration
-from hardware_bridge.errors import LimitError, ShapeError
+from hardware_bridge.errors import LimitError, ShapeError, TrajectoryError
 from hardware_bridge.limits import Limits, Pacing
+from hardware_bridge.pulses import rounded_m
 from hardware_bridge.shape_memory import ShapeCheck
 from hardware_bridge.trajectory import Trajectory
 
-START_TOLERANCE_M = 5e-4
-"""How far a knot at time 0 may be from the present lengths."""
-
 SHAPE_STEP_M = 1e-3
 """No strut changes by more between two shapes that are judged along a path."""
+
+MOST_SHAPES = 16000
+"""Shapes of one path: more than 600 s at 20 mm/s have, one a mm. Each takes the judge some 5 ms."""
 
 _ROUNDING_M = 1e-9
 
@@ -50,31 +52,37 @@ class Rules:
 def check_trajectory(rules: Rules, present_m: Sequence[float], trajectory: Trajectory) -> Trajectory:
     """The trajectory from the present lengths on, if all of it is permitted.
 
+    The verdict is on the path and not on its knots: as many more of them on the same straight lines change nothing. Lengths are
+    whole pulses in the end, so over any span of time a strut may change by one pulse more than its speed permits: one in all, not
+    one a knot.
+
     Raises:
-        LimitError, ShapeError: The first thing that is not, with strut, value and limit.
+        LimitError, ShapeError, TrajectoryError: The first thing that is not, with strut, value and limit.
     """
     limits = rules.limits
-    for knot, row in enumerate(trajectory.lengths_m, start=1):
-        _check_stroke(rules, row, limits.stroke_m, f"at knot {knot}")
-    if trajectory.times_s[0] == 0.0:
-        for name, asked, present in zip(STRUTS, trajectory.lengths_m[0], present_m, strict=True):
-            if abs(asked - present) > START_TOLERANCE_M:
-                where = f"from the present {present:.4f} m at knot 1, time 0; start where the strut is"
-                raise LimitError(name, "jump", abs(asked - present) * 1e3, START_TOLERANCE_M * 1e3, "mm", where)
-    path = trajectory.starting_at(present_m)
+    for knot in _beyond(rules, trajectory.lengths_m, limits.stroke_m):
+        _check_stroke(rules, trajectory.lengths_m[knot], limits.stroke_m, f"at knot {knot + 1}")
     quanta_m = np.array([strut.quantum_m for strut in rules.calibration.struts])
-    changes = np.abs(np.diff(path.lengths_m, axis=0))
-    for segment, (dt_s, change) in enumerate(zip(np.diff(path.times_s), changes, strict=True), start=1):
-        where = f"in segment {segment}"
-        for index, name in enumerate(STRUTS):
-            # Lengths are whole pulses: over a short time a quantum more is no speed.
-            if change[index] > limits.speed_m_s * dt_s * (1 + 1e-6) + quanta_m[index]:
-                raise LimitError(name, "speed", change[index] / dt_s * 1e3, limits.speed_m_s * 1e3, "mm/s", where)
-            step_m = change[index] * min(1.0, rules.pacing.period_s / dt_s)
-            if step_m > limits.step_m + _ROUNDING_M:
-                raise LimitError(name, "step of a frame", step_m * 1e3, limits.step_m * 1e3, "mm", where)
+    if trajectory.times_s[0] == 0.0:
+        for name, asked, present, quantum in zip(STRUTS, trajectory.lengths_m[0], present_m, quanta_m, strict=True):
+            if abs(asked - present) > quantum + _ROUNDING_M:
+                where = f"from the present {present:.4f} m at knot 1, time 0; start where the strut is"
+                raise LimitError(name, "jump", abs(asked - present) * 1e3, quantum * 1e3, "mm", where)
+    path = trajectory.starting_at(present_m)
+    _check_haste(path, "speed", "mm/s", limits.speed_m_s, 1.0, quanta_m)
+    # A frame is one period: who stays below a step in each never needs a larger one.
+    _check_haste(path, "step of a frame", "mm", limits.step_m / rules.pacing.period_s, rules.pacing.period_s, quanta_m)
     check_shapes(rules, path)
     return path
+
+
+def _check_haste(path: Trajectory, quantity: str, unit: str, speed_m_s: float, span_s: float, quanta_m: np.ndarray) -> None:
+    """Raises LimitError, in changes per ``span_s``, if a strut is anywhere more than its quantum ahead of a speed."""
+    haste = most_hasty(path, speed_m_s * (1 + 1e-6), quanta_m + _ROUNDING_M)
+    if haste.over_m > quanta_m[haste.strut] + _ROUNDING_M:
+        change_mm = haste.change_m / max(haste.end_s - haste.start_s, 1e-9) * span_s * 1e3
+        where = f"from {haste.start_s:.3f} to {haste.end_s:.3f} s"
+        raise LimitError(STRUTS[haste.strut], quantity, change_mm, speed_m_s * span_s * 1e3, unit, where)
 
 
 def check_homing(rules: Rules, pulses_us: Sequence[int], path: Trajectory) -> None:
@@ -89,19 +97,22 @@ def check_homing(rules: Rules, pulses_us: Sequence[int], path: Trajectory) -> No
 
 
 def check_shapes(rules: Rules, path: Trajectory) -> None:
-    """Every knot, and every mm between, as whole pulses would have it.
+    """Both ends of a path, every mm of its way and every turn of a strut, as whole pulses would have it.
 
     Raises:
         ShapeError: The first shape that is not permitted, with its time.
+        TrajectoryError: The way is too long to be judged.
     """
-    steps = np.ceil(np.abs(np.diff(path.lengths_m, axis=0)).max(axis=1) / SHAPE_STEP_M - _ROUNDING_M).astype(int)
-    ends = zip(path.times_s, path.times_s[1:], np.maximum(steps, 1), strict=False)
-    between = [np.linspace(start_s, end_s, count, endpoint=False) for start_s, end_s, count in ends]
-    for time_s in np.concatenate([*between, path.times_s[-1:]]):
-        lengths_m = rules.calibration.lengths_m(rules.calibration.pulses_us(list(path.at(time_s))))
-        problem = rules.shape_check(lengths_m)
+    points = points_along(path, SHAPE_STEP_M, MOST_SHAPES)
+    if points is None:
+        longest_m = MOST_SHAPES * SHAPE_STEP_M
+        raise TrajectoryError(
+            f"its way and its turns have more than {MOST_SHAPES} shapes (about {longest_m:g} m); send it in parts"
+        )
+    for time_s, lengths_m in zip(points[0], rounded_m(rules.calibration, points[1]).tolist(), strict=True):
+        problem = rules.shape_check(tuple(lengths_m))
         if problem is not None:
-            raise ShapeError(lengths_m, problem, f"at {time_s:.2f} s")
+            raise ShapeError(tuple(lengths_m), problem, f"at {time_s:.2f} s")
 
 
 def check_frame(
@@ -111,10 +122,13 @@ def check_frame(
     previous_us: Sequence[int | None],
     duration_ms: int,
     homing: bool,
+    board_us: Sequence[float | None] | None = None,
+    hold: bool = False,
 ) -> None:
-    """The last gate before bytes: sees only pulses, those to be sent and those sent before.
+    """The last gate before bytes: sees only pulses, those to be sent, those sent before, and where the board is by these.
 
-    A frame that repeats every pulse (energise, hold) moves nothing and is held to the pulse limits only.
+    No strut may be asked to go faster than the limit from where the board is, whatever was sent to it before. A frame that
+    repeats every pulse (energise) moves nothing, and a hold goes nowhere new: they are held to that and to the pulse limits only.
 
     Args:
         struts: Indices (from 0) of the struts in the frame.
@@ -122,30 +136,50 @@ def check_frame(
         previous_us: All six before it; None where not known.
         duration_ms: Duration asked of the board.
         homing: The policy's stroke limit does not hold yet; everything else does.
+        board_us: The six pulses that the board gives now, see :class:`~hardware_bridge.board_track.BoardTrack`; None for a strut
+            that it was not sent since the port was opened. None: where it was sent before.
+        hold: The frame is to stop the struts: it must lie between where the board is and where it was sent.
 
     Raises:
         LimitError, ShapeError: The frame must not be sent.
     """
     calibration, limits = rules.calibration, rules.limits
     _check_pulses(rules, struts, pulses_us)
-    if tuple(pulses_us) == tuple(previous_us):
-        return
+    repeats = tuple(pulses_us) == tuple(previous_us)
     for index in struts:
         name, strut, pulse, before = STRUTS[index], calibration.struts[index], pulses_us[index], previous_us[index]
+        at_us = before if board_us is None else board_us[index]
+        if before is None or (at_us is None and pulse != before):
+            raise LimitError(name, "step from an unknown position", np.nan, limits.step_m * 1e3, "mm")
+        way_m = 0.0 if at_us is None else abs(pulse - at_us) * strut.quantum_m
+        if not way_m <= limits.speed_m_s * duration_ms * 1e-3 + strut.quantum_m + _ROUNDING_M:
+            raise LimitError(name, "speed", way_m * 1e6 / duration_ms, limits.speed_m_s * 1e3, "mm/s", "in a frame")
+        if hold and at_us is not None and not min(at_us, before) - 1 <= pulse <= max(at_us, before) + 1:
+            raise LimitError(name, "pulse of a hold", pulse, at_us, "us")
+        if hold or repeats:
+            continue
         stroke_m = strut.pulse_to_stroke(pulse)
         bound_m = np.inf if homing else limits.stroke_m
         _check_one_stroke(rules, index, stroke_m, bound_m, strut.quantum_m, "in a frame")
-        if before is None:
-            raise LimitError(name, "step from an unknown position", np.nan, limits.step_m * 1e3, "mm")
         step_m = abs(stroke_m - strut.pulse_to_stroke(before))
-        if step_m > limits.step_m + strut.quantum_m + _ROUNDING_M:
+        if not step_m <= limits.step_m + strut.quantum_m + _ROUNDING_M:
             raise LimitError(name, "step of a frame", step_m * 1e3, limits.step_m * 1e3, "mm")
-        if step_m > limits.speed_m_s * duration_ms * 1e-3 + strut.quantum_m + _ROUNDING_M:
-            raise LimitError(name, "speed", step_m * 1e6 / duration_ms, limits.speed_m_s * 1e3, "mm/s", "in a frame")
+    if hold or repeats:
+        return
     lengths_m = calibration.lengths_m(pulses_us)
     problem = rules.shape_check(lengths_m)
     if problem is not None:
         raise ShapeError(lengths_m, problem, "in a frame")
+
+
+def _beyond(rules: Rules, lengths_m: np.ndarray, bound_m: float) -> list[int]:
+    """Rows (from 0) with a stroke that may be outside its limits, the first such only."""
+    struts = rules.calibration.struts
+    low_m = np.array([max(-bound_m, strut.stroke_mm[0] * 1e-3) for strut in struts])
+    high_m = np.array([min(bound_m, strut.stroke_mm[1] * 1e-3) for strut in struts])
+    strokes_m = lengths_m - rules.calibration.mid_stroke_length_m
+    out = ~((strokes_m >= low_m - _ROUNDING_M) & (strokes_m <= high_m + _ROUNDING_M)).all(axis=1)
+    return [int(np.argmax(out))] if out.any() else []
 
 
 def _check_pulses(rules: Rules, struts: Iterable[int], pulses_us: Sequence[int]) -> None:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hardware_bridge.calibration import STRUTS
+from hardware_bridge.calibration import STRUTS, Calibration
+from hardware_bridge.checks import Rules
 from hardware_bridge.errors import DutyError
 from hardware_bridge.limits import Limits
+from hardware_bridge.pulses import exact_pulses_us, whole
 from hardware_bridge.trajectory import Trajectory
 
 _PARTS = 60
@@ -62,14 +65,14 @@ class Duty:
         return Duty(tuple((start_s + seconds, run_s) for start_s, run_s in self.spells))
 
 
-def check_duty(duty: Duty, path: Trajectory, now_s: float, limits: Limits) -> None:
+def check_duty(duty: Duty, path: Trajectory, now_s: float, rules: Rules) -> None:
     """Whether there is time left for a whole path.
 
     Raises:
         DutyError: There is not, with strut, time run, limit and how long to wait.
     """
-    changes = np.abs(np.diff(path.lengths_m, axis=0)) > 0.0
-    needs_s = (changes * np.diff(path.times_s)[:, None]).sum(axis=0)
+    limits = rules.limits
+    needs_s = run_time_s(path, rules.calibration, rules.pacing.period_s)
     used_s = duty.used_s(now_s, limits)
     over = used_s + needs_s > limits.duty_s
     if over.any():
@@ -78,9 +81,36 @@ def check_duty(duty: Duty, path: Trajectory, now_s: float, limits: Limits) -> No
         raise DutyError(STRUTS[worst], float(used_s[worst]), float(needs_s[worst]), limits.duty_s, limits.duty_window_s, wait_s)
 
 
-def returns(path: Trajectory, mid_stroke_m: float, quantum_m: float) -> bool:
-    """Whether a path only takes struts nearer to mid stroke, where they rest: it is never refused for want of duty or supply."""
-    strokes = path.lengths_m - mid_stroke_m
-    same_side = (strokes * np.sign(strokes[0]) >= -quantum_m).all()
-    nearer = (np.diff(np.abs(strokes), axis=0) <= quantum_m).all()
-    return bool(same_side and nearer)
+def run_time_s(path: Trajectory, calibration: Calibration, period_s: float) -> np.ndarray:
+    """Robot time in [s] that the frames of a path will be counted to run, at most. Shape (6,).
+
+    A frame counts as one period for each strut whose pulse it changes. Time is cut into periods, and those in which a strut's
+    pulse changes are counted; two more a spell of them, because frames come a little late and begin anywhere.
+    """
+    count = max(1, math.ceil(path.duration_s / period_s - 1e-9))
+    edges = np.arange(count + 1) * period_s
+    times = np.sort(np.concatenate((edges, path.times_s)))
+    first = np.searchsorted(times, edges)
+    knots_us = exact_pulses_us(calibration, path.lengths_m)
+    needs_s = np.zeros(len(STRUTS))
+    for strut in range(len(STRUTS)):
+        pulses_us = whole(np.interp(times, path.times_s, knots_us[:, strut]))
+        ends = pulses_us[first]
+        high = np.maximum(np.maximum.reduceat(pulses_us, first)[:-1], ends[1:])
+        low = np.minimum(np.minimum.reduceat(pulses_us, first)[:-1], ends[1:])
+        runs = high != low
+        spells = int(runs[0]) + np.count_nonzero(runs[1:] & ~runs[:-1])
+        needs_s[strut] = period_s * (np.count_nonzero(runs) + 2 * spells)
+    return needs_s
+
+
+def returns(path: Trajectory, calibration: Calibration) -> bool:
+    """Whether a path only takes struts nearer to mid stroke, where they rest: it is never refused for want of duty or supply.
+
+    In whole pulses, as they are sent, and against the least stroke so far: so nothing adds up, neither from knot to knot nor from
+    one motion to the next.
+    """
+    mid_us = whole(exact_pulses_us(calibration, [calibration.mid_stroke_length_m] * len(STRUTS)))
+    strokes_us = whole(exact_pulses_us(calibration, path.lengths_m)) - mid_us
+    strokes_us = strokes_us * np.where(strokes_us[0] < 0, -1, 1)
+    return bool((strokes_us >= 0).all() and (strokes_us <= np.minimum.accumulate(strokes_us, axis=0)).all())

@@ -14,12 +14,13 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
+from hardware_bridge.board_track import BoardTrack
 from hardware_bridge.calibration import STRUTS
 from hardware_bridge.checks import Rules, check_frame
 from hardware_bridge.clock import RobotClock
 from hardware_bridge.codecs import Board
 from hardware_bridge.congestion import Congestion
-from hardware_bridge.errors import BridgeError, LinkLost, ShapeError
+from hardware_bridge.errors import BridgeError, LinkLost, ShapeError, StateFileError
 from hardware_bridge.events import Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.health import Answer, judge
 from hardware_bridge.latency import Latency
@@ -80,7 +81,9 @@ class Engine:
         self._rules = rules
         self._board = board
         self._callbacks = callbacks
-        self._supervisor = Supervisor(rules, board.quirks.duration_ms[0])
+        self._supervisor = Supervisor(rules, board.move_time_s)
+        self._track = BoardTrack(board.move_time_s)
+        self._applied_s = 0.0
         self._records: Records | None = None
         self._motions: dict[int, MotionHandle] = {}
         self._count = _Counters()
@@ -113,6 +116,8 @@ class Engine:
     def use_records(self, records: Records, virtual: bool, rested_s: float = 0.0) -> None:
         """Takes from them what is known of the robot behind the port; of the same one as before, memory knows more."""
         self.virtual = virtual
+        self._track.forget()
+        self.state = replace(self.state, last_frame=None)
         if records is self._records:
             return
         self._records = records
@@ -141,12 +146,12 @@ class Engine:
             if self.link.is_up:
                 try:
                     now_s = self.clock.now().wall_s
+                    congested = self._congestion.look(self.link, now_s)  # before a question is put behind the last frame
                     answer = self.link.attend(now_s, self.state.energised)
                     if answer is not None:
                         self._judge(answer)
                     if self.link.battery_mv != self.state.supply_mv:
                         self.apply(Supply(self.link.battery_mv))
-                    congested = self._congestion.look(self.link, now_s)
                 except LinkLost as error:
                     self.apply(LinkLostEvent(str(error)))
             if not self._is_barred:
@@ -196,8 +201,10 @@ class Engine:
 
     def forget_positions(self) -> None:
         """Nobody knows any more where the struts are: the next arm needs the operator's word for each."""
+        self._track.forget()
         nobody, why = (None,) * len(STRUTS), "the board may have moved or released the struts since they were sent"
-        self.state = replace(self.state, pulses_us=nobody, energised=(False,) * len(STRUTS), unknown_why=why)
+        energised = (False,) * len(STRUTS)
+        self.state = replace(self.state, pulses_us=nobody, energised=energised, last_frame=None, unknown_why=why)
         try:
             assert self._records is not None
             self._records.pulses.forget(self._rules.calibration.channels)
@@ -211,7 +218,9 @@ class Engine:
         before = self.state
         if isinstance(event, Reset):
             self._board_errors = ()
-        self.state, effects = self._supervisor.step(before, event, self.clock.now())
+        now = self.clock.now()
+        self._applied_s = now.robot_s
+        self.state, effects = self._supervisor.step(before, event, now)
         failure: Event | None = None
         for effect in effects:
             match effect:
@@ -228,16 +237,24 @@ class Engine:
 
     def _send(self, send: Send, before: State) -> Event | None:
         """One frame through the last gate to the port; what went wrong, if anything."""
-        channels = self._rules.calibration.channels
+        channels, hold, now_s = self._rules.calibration.channels, send.kind is Kind.HOLD, self._applied_s
         if not self.link.is_up or (send.kind in _MOVING and self._is_barred):
             self._unsend(before)
             return None
-        homing = send.kind is not Kind.MOVE
         try:
-            check_frame(self._rules, send.struts, send.pulses_us, before.pulses_us, send.duration_ms, homing)
+            if hold:
+                send = self._permitted_hold(send, before)
+            else:
+                homing, at_us = send.kind is not Kind.MOVE, self._track.at_us(now_s)
+                check_frame(self._rules, send.struts, send.pulses_us, before.pulses_us, send.duration_ms, homing, at_us)
             frame = self._frame(send)
             assert self._records is not None
-            self._records.pulses.save(channels, self.state.pulses_us)
+            try:
+                self._records.pulses.save(channels, self.state.pulses_us)
+            except StateFileError as error:
+                if not hold:
+                    raise
+                _log.error("%s", error)  # what is held is within a frame of what was kept last
             begun_s = time.monotonic()
             self.link.write(frame)
             self._latency.add(time.monotonic() - begun_s)
@@ -245,29 +262,54 @@ class Engine:
             return LinkLostEvent(str(error))
         except Exception as error:
             self._unsend(before)
+            if hold:  # another one would fail too
+                _log.exception("holding the struts")
+                return LinkLostEvent(str(self.link.lost(f"the struts could not be held: {error!r}")))
             if isinstance(error, ShapeError):  # between two shapes that were judged when the motion was accepted
                 return Hold(f"held before a frame: {error}")
             if isinstance(error, BridgeError):
                 return Fail(f"frame not sent: {error}")
             _log.exception("sending a frame")
             return Fail(f"frame not sent, internal error: {error!r}")
+        self._track.sent(send.struts, send.pulses_us, send.duration_ms, now_s)
         self._count.frames_sent += 1
         self._written_in_tick = True
         self._emit_sent(send.kind, send.duration_ms, frame)
         return None
 
+    def _permitted_hold(self, send: Send, before: State) -> Send:
+        """The hold as the supervisor wants it; should the last gate find it elsewhere than the board, where the gate has it."""
+        at_us = self._track.at_us(self._applied_s)
+        try:
+            check_frame(self._rules, send.struts, send.pulses_us, before.pulses_us, send.duration_ms, True, at_us, True)
+        except Exception:
+            _log.exception("a hold is not where the board is; the last gate's own is sent")
+            held = [pulse if at is None else round(at) for pulse, at in zip(send.pulses_us, at_us, strict=True)]
+            known = [None if was is None else pulse for pulse, was in zip(held, self.state.pulses_us, strict=True)]
+            self.state = replace(self.state, pulses_us=tuple(known), last_frame=None)
+            return replace(send, pulses_us=tuple(held))
+        return send
+
     def _frame(self, send: Send) -> bytes:
-        calibration, newest = self._rules.calibration, self.state.last_frame
         pulses_us = [send.pulses_us[index] for index in send.struts]
-        channels = [calibration.channels[index] for index in send.struts]
+        channels = [self._rules.calibration.channels[index] for index in send.struts]
         if send.kind is Kind.HOLD:
-            return self._board.encode_hold(pulses_us, channels)
-        from_us = send.pulses_us if newest is None else calibration.pulses_us(newest.from_m)
-        return self._board.encode_move(pulses_us, channels, send.duration_ms, [from_us[index] for index in send.struts])
+            return self._board.encode_hold(pulses_us, channels, send.duration_ms)
+        at_us = self._track.at_us(self._applied_s)
+        from_us = [send.pulses_us[index] if (at := at_us[index]) is None else at for index in send.struts]
+        return self._board.encode_move(pulses_us, channels, send.duration_ms, from_us)
 
     def _unsend(self, before: State) -> None:
-        """The frame that the supervisor counted as sent was not."""
-        self.state = replace(self.state, pulses_us=before.pulses_us, energised=before.energised)
+        """The frame that the supervisor counted as sent was not: what was known of the board is true still."""
+        self.state = replace(
+            self.state,
+            pulses_us=before.pulses_us,
+            energised=before.energised,
+            last_frame=before.last_frame,
+            duty=before.duty,
+            motion=before.motion if self.state.motion is not None else None,
+            energising=before.energising if self.state.mode is before.mode else self.state.energising,
+        )
 
     # ---- motions ----------------------------------------------------------------------------------------------------
 

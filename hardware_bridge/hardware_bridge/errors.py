@@ -111,6 +111,15 @@ class BoardMismatch(BridgeError):
         super().__init__(f"board is {wanted}, but {where} is for {found}; set the board to {found}, or use another one")
 
 
+SEND_AGAIN = "send it again"
+"""Ends the text of a refusal that says nothing against the motion: the same one with a fresh stamp is judged at once."""
+
+
+def may_be_sent_again(reason: str) -> bool:
+    """Whether a refusal's text says that the same motion, with a fresh stamp, may well be accepted."""
+    return reason.endswith(SEND_AGAIN)
+
+
 # ---- refused commands -----------------------------------------------------------------------------------------------
 
 
@@ -185,11 +194,11 @@ class LeaseError(Refused):
 
 
 class StaleError(Refused):
-    """A command stamped too long ago, or in the future."""
+    """A command stamped too long ago, or in the future. What was judged meanwhile is remembered: again, it goes quickly."""
 
     def __init__(self, age_s: float, limit_s: float) -> None:
         self.age_s, self.limit_s = age_s, limit_s
-        super().__init__(f"command is {age_s:.3g} s old, valid is within {limit_s:g} s; check clocks, send it again")
+        super().__init__(f"command is {age_s:.3g} s old, valid is within {limit_s:g} s; check clocks, {SEND_AGAIN}")
 
 
 class StateError(Refused):

@@ -141,5 +141,5 @@ class Jogger:
         moved = [index == strut for index in range(len(STRUTS))]
         self._duty = self._duty.ran(moved, run_s, self._now_s, self._limits)
         self._records.duty.save(self._duty, self._now_s)
-        self._transport.write_all(self._board.encode_move([pulse_us], [channel], round(STEP_S * 1100), [before]))
+        self._transport.write_all(self._board.encode_move([pulse_us], [channel], round(STEP_S * 1e3), [before]))
         self._pulses_us = pulses

@@ -172,8 +172,8 @@ class Link:
             raise
 
     def is_congested(self) -> bool:
-        """Whether more than a frame is still waiting in the port."""
-        return self._transport.pending_bytes() > self._board.quirks.longest_frame_bytes
+        """Whether anything is still waiting in the port: what is sent now would reach the board later than its turn."""
+        return self._transport.pending_bytes() > 0
 
     def is_late(self, now_s: float) -> bool:
         """Whether a board that used to answer has not for ``LATE_ANSWER_S``: a slow radio link may hold back bytes where no

@@ -81,11 +81,20 @@ class Motion:
 
 @dataclass(frozen=True)
 class LastFrame:
-    """The newest frame that moved something: where the board is between ``from_m`` and the pulses sent."""
+    """The newest frame that moved or held something: since then the board goes on to the pulses sent.
 
-    from_m: tuple[float, ...]
+    Attributes:
+        from_us: Where its outputs were then, in [us].
+        sent_s: Robot time.
+        moves_s: How long each takes to its pulse, in [s].
+        paced_us: Where they would have been then if they had never gone faster than the limit: what may be sent is tied to this
+            too, so that no chain of motions gains a pulse with each.
+    """
+
+    from_us: tuple[float, ...]
     sent_s: float
-    duration_s: float
+    moves_s: tuple[float, ...]
+    paced_us: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -152,7 +161,7 @@ class Prove:
 
 @dataclass(frozen=True)
 class Execute:
-    """Asks for a motion; ``stamp_age_s`` is the wall age of the asking."""
+    """Asks for a motion; ``stamp_age_s`` is the wall age of the asking by now, with what judging it took."""
 
     trajectory: Trajectory
     lease: str

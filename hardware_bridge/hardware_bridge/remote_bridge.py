@@ -7,6 +7,7 @@ import pickle
 import socket
 import subprocess
 import threading
+import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -229,7 +230,7 @@ class RemoteBridge:
 
     def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0) -> MotionHandle:
         """As ``Bridge.execute``."""
-        number, duration_s = self._host.call("execute", trajectory, lease, stamp_age_s)
+        number, duration_s = self._host.call("execute", trajectory, lease, stamp_age_s, time.monotonic())
         handle = MotionHandle(number, duration_s, self._progress, lambda number, reason: self._host.call("cancel", number, reason))
         with self._lock:
             if number in self._ends:

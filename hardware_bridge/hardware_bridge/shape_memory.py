@@ -8,13 +8,15 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from hardware_bridge.errors import SEND_AGAIN
+
 ShapeCheck = Callable[[tuple[float, ...]], str | None]
 """Takes six rest lengths [m]; returns what is wrong with the shape, or None."""
 
-MOST_SHAPES = 16384
-"""More than the longest trajectory has: 600 s at 20 mm/s, one shape a mm."""
+MOST_SHAPES = 40000
+"""More than twice what the longest path may have, see ``checks.MOST_SHAPES``: it fits beside what was judged before it."""
 
-NOT_JUDGED = "nobody has judged it, the struts were elsewhere when the command was looked at; send it again"
+NOT_JUDGED = f"nobody has judged it, the struts were elsewhere when the command was looked at; {SEND_AGAIN}"
 
 
 class ShapeMemory:

@@ -6,17 +6,21 @@ It knows no clock, port or thread. A :class:`~hardware_bridge.protocol.Send` eff
 is refused whole or accepted whole, never clipped. Proof of life is judged before motion, so a bridge that was itself
 asleep wakes into HOLD and not into a jump.
 
-Stopping: no board here has a command that stops a servo, so the present pulses are sent again with the shortest
-duration; what is left of the last frame (at most one step) is the residual motion.
+Stopping: no board here has a command that stops a servo where it is and says so, so the struts are sent to where the board
+must be by now, if it does what it is told (``LastFrame``). No frame is more than one frame at the speed limit ahead of that, and
+all last equally long, so a hold has nothing to make good: what is left is what the line still carries.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from hardware_bridge.board_track import MoveTime, as_told
 from hardware_bridge.calibration import STRUTS
 from hardware_bridge.checks import Rules, check_homing, check_trajectory
 from hardware_bridge.duty import check_duty, returns
@@ -58,13 +62,24 @@ from hardware_bridge.protocol import (
     Supply,
     Tick,
 )
+from hardware_bridge.pulses import exact_pulses_us, whole
 from hardware_bridge.trajectory import Trajectory
 
 _ROUNDING_S = 1e-6
+_HALF_US = 0.5 + 1e-9
+"""Rounding to a whole pulse, at most."""
 _ALL = tuple(range(len(STRUTS)))
 _NOBODY = (False,) * len(STRUTS)
 
 Result = tuple[State, tuple[Effect, ...]]
+
+
+class _Where(NamedTuple):
+    """Pulses in [us], (6,) each: where the struts were sent, where the board is, and where the pace is, see ``LastFrame``."""
+
+    sent_us: NDArray[np.float64]
+    board_us: NDArray[np.float64]
+    paced_us: NDArray[np.float64]
 
 
 class Supervisor:
@@ -72,12 +87,19 @@ class Supervisor:
 
     Attributes:
         rules: Calibration, limits, pacing and shape check.
-        min_duration_ms: The board's shortest move, used to hold.
+
+    Args:
+        move_time: How long the board takes for a way.
     """
 
-    def __init__(self, rules: Rules, min_duration_ms: int = 20) -> None:
+    def __init__(self, rules: Rules, move_time: MoveTime = as_told) -> None:
         self.rules = rules
-        self.min_duration_ms = min_duration_ms
+        self._move_time = move_time
+        us_per_m = np.array([1.0 / strut.quantum_m for strut in rules.calibration.struts])
+        self._frame_ms = _whole_ms(rules.pacing.period_s * rules.pacing.overlap)
+        self._speed_us_s = rules.limits.speed_m_s * us_per_m
+        self._reach_us = self._speed_us_s * self._frame_ms * 1e-3 + _HALF_US
+        self._step_us = rules.limits.step_m * us_per_m + _HALF_US
 
     def step(self, state: State, event: Event, now: Now) -> Result:
         """The next state and what to do. A refused event leaves the state as it was, with one ``Refuse``."""
@@ -92,15 +114,15 @@ class Supervisor:
                 case Execute():
                     return self._execute(state, event, now)
                 case Disarm():
-                    return self._disarm(state, event)
+                    return self._disarm(state, event, now)
                 case Hold():
-                    return self._hold(state, event)
+                    return self._hold(state, event, now)
                 case Stop():
-                    return self._stop(state, event.reason)
+                    return self._stop(state, event.reason, now)
                 case Supply():
                     return replace(state, supply_mv=event.millivolts), ()
                 case LinkLost() | Fail():
-                    return self._fail(state, event)
+                    return self._fail(state, event, now)
                 case Reset():
                     return self._reset(state), ()
         except Refused as error:
@@ -125,6 +147,7 @@ class Supervisor:
             state.energised,
             lease,
             resume_s=now.robot_s,
+            last_frame=state.last_frame if pulses_us == state.pulses_us else None,
             duty=state.duty,
             supply_mv=state.supply_mv,
         )
@@ -138,53 +161,51 @@ class Supervisor:
             raise StateError("execute", state.mode, "wait for ARMED in the bridge's state")
         if state.motion is not None:
             raise StateError("execute", state.mode, "a motion is running; wait for its end or cancel it")
-        limit_s = self.rules.limits.goal_age_s
-        if not abs(event.stamp_age_s) <= limit_s:  # also not-a-number
-            raise StaleError(event.stamp_age_s, limit_s)
         path = check_trajectory(self.rules, self._lengths_m(state), event.trajectory)
         self._require_strength(state, path, now)
+        limit_s = self.rules.limits.goal_age_s  # last: what is too old is worth sending again only if nothing else is wrong
+        if not abs(event.stamp_age_s) <= limit_s:  # also not-a-number
+            raise StaleError(event.stamp_age_s, limit_s)
         return replace(state, mode=Mode.ARMED, reason="", motion=Motion(event.number, path)), ()
 
     def _require_strength(self, state: State, path: Trajectory, now: Now) -> None:
         """Duty and supply for a motion that loads the struts; the way back to mid stroke is always open."""
-        calibration, limits = self.rules.calibration, self.rules.limits
-        quantum_m = max(strut.quantum_m for strut in calibration.struts)
-        if returns(path, calibration.mid_stroke_length_m, quantum_m):
+        limits = self.rules.limits
+        if returns(path, self.rules.calibration):
             return
-        check_duty(state.duty, path, now.robot_s, limits)
+        check_duty(state.duty, path, now.robot_s, self.rules)
         if state.supply_mv is not None and state.supply_mv * 1e-3 < limits.supply_low_v:
             raise SupplyError(state.supply_mv * 1e-3, limits.supply_low_v)
 
-    def _disarm(self, state: State, event: Disarm) -> Result:
+    def _disarm(self, state: State, event: Disarm, now: Now) -> Result:
         if state.mode is Mode.FAULT:
             raise FaultLatched("disarm", state.reason)
         if state.lease is not None and event.lease != state.lease.token:
             raise LeaseError(event.lease, f"{state.lease.holder} holds another one; ask there, or stop")
-        held = self._end(state, Mode.DISARMED, "", Outcome.HELD, "disarmed")
+        held = self._end(state, now, Mode.DISARMED, "", Outcome.HELD, "disarmed")
         return replace(held[0], lease=None, homed=False), held[1]
 
-    def _hold(self, state: State, event: Hold) -> Result:
+    def _hold(self, state: State, event: Hold, now: Now) -> Result:
         running = state.motion is not None and state.motion.number != HOMING_NUMBER
         if event.number is not None and not (state.motion is not None and state.motion.number == event.number):
             return state, ()
         if state.mode is Mode.HOMING:  # half homed is not homed
-            held = self._end(state, Mode.HOLD, f"{event.reason}; arm again", Outcome.HELD, event.reason)
+            held = self._end(state, now, Mode.HOLD, f"{event.reason}; arm again", Outcome.HELD, event.reason)
             return replace(held[0], lease=None), held[1]
         if state.mode is Mode.ARMED or running:
-            return self._end(state, Mode.HOLD, event.reason, Outcome.HELD, event.reason)
+            return self._end(state, now, Mode.HOLD, event.reason, Outcome.HELD, event.reason)
         return state, ()
 
-    def _stop(self, state: State, reason: str) -> Result:
+    def _stop(self, state: State, reason: str, now: Now) -> Result:
         latched = state.reason if state.mode is Mode.FAULT else reason
-        stopped = self._end(state, Mode.FAULT, latched, Outcome.FAULT, reason)
+        stopped = self._end(state, now, Mode.FAULT, latched, Outcome.FAULT, reason)
         return replace(stopped[0], lease=None, homed=False), stopped[1]
 
-    def _fail(self, state: State, event: LinkLost | Fail) -> Result:
-        lost = isinstance(event, LinkLost)
-        ended, effects = self._stop(state, event.reason)
-        if lost:  # nothing can be sent, and who knows whether the board kept its power
+    def _fail(self, state: State, event: LinkLost | Fail, now: Now) -> Result:
+        ended, effects = self._stop(state, event.reason, now)
+        if isinstance(event, LinkLost):  # nothing can be sent, and who knows whether the board kept its power
             effects = tuple(effect for effect in effects if not isinstance(effect, Send))
-            ended = replace(ended, energised=_NOBODY, last_frame=None)
+            ended = replace(ended, energised=_NOBODY, pulses_us=state.pulses_us, last_frame=None)
         return ended, effects
 
     def _reset(self, state: State) -> State:
@@ -202,7 +223,7 @@ class Supervisor:
         if state.lease is not None and self._silent(state.lease, now):
             limit_s = self.rules.limits.lease_silence_s
             reason = f"{state.lease.holder} was silent for more than {limit_s:g} s; arm again"
-            held = self._end(state, Mode.HOLD, reason, Outcome.HELD, reason)
+            held = self._end(state, now, Mode.HOLD, reason, Outcome.HELD, reason)
             return replace(held[0], lease=None, homed=False), held[1]
         if congested:
             return state, ()
@@ -222,72 +243,92 @@ class Supervisor:
         energised = tuple(on or each == index for each, on in enumerate(state.energised))
         resume_s = now.robot_s + self.rules.pacing.energise_pause_s
         after = replace(state, energising=index + 1, energised=energised, resume_s=resume_s)
-        return after, (Send(Kind.ENERGISE, (index,), pulses_us, self._period_ms()),)
+        return after, (Send(Kind.ENERGISE, (index,), pulses_us, self._frame_ms),)
 
     def _advance(self, state: State, motion: Motion, now: Now) -> Result:
         if motion.progress_s >= motion.path.duration_s and motion.ticked_s is not None:
-            assert state.last_frame is not None
-            if now.robot_s < state.last_frame.sent_s + state.last_frame.duration_s:
+            frame = state.last_frame
+            if frame is not None and now.robot_s < frame.sent_s + max(self._frame_ms * 1e-3, *frame.moves_s):
                 return replace(state, motion=motion), ()
             if motion.number == HOMING_NUMBER:
                 return replace(state, mode=Mode.ARMED, reason="", motion=None, homed=True), ()
             return replace(state, motion=None), (Finished(motion.number, Outcome.DONE, ""),)
-        elapsed_s = self.rules.pacing.period_s if motion.ticked_s is None else max(0.0, now.robot_s - motion.ticked_s)
-        sent_m = np.array(self._lengths_m(state))
-        advance_s = self._permitted_advance_s(motion, elapsed_s, sent_m)
-        progress_s = motion.progress_s + advance_s
+        period_s = self.rules.pacing.period_s
+        elapsed_s = period_s if motion.ticked_s is None else max(0.0, now.robot_s - motion.ticked_s)
+        where = self._where(state, now)
+        progress_s = motion.progress_s + self._permitted_advance_s(motion, elapsed_s, where)
         if progress_s > motion.path.duration_s - _ROUNDING_S:
             progress_s = motion.path.duration_s
-        target_m = motion.path.at(progress_s)
-        pulses_us = self.rules.calibration.pulses_us(list(target_m))
-
-        board_m = self._board_m(state, sent_m, now)
-        rounded_m = np.array(self.rules.calibration.lengths_m(pulses_us))
-        change_m = float(max(np.max(np.abs(rounded_m - board_m)), np.max(np.abs(rounded_m - sent_m))))
-        duration_ms = max(self._period_ms(), _whole_ms(change_m / self.rules.limits.speed_m_s))
-        frame = LastFrame(tuple(map(float, board_m)), now.robot_s, duration_ms * 1e-3)
+        target_us = whole(exact_pulses_us(self.rules.calibration, motion.path.at(progress_s)))
+        pulses_us = tuple(int(pulse) for pulse in target_us)
         moved = Motion(motion.number, motion.path, progress_s, now.robot_s)
         kind = Kind.HOME if motion.number == HOMING_NUMBER else Kind.MOVE
         turned = tuple(new != old for new, old in zip(pulses_us, state.pulses_us, strict=True))
-        duty = state.duty.ran(turned, frame.duration_s / self.rules.pacing.overlap, now.robot_s, self.rules.limits)
-        after = replace(state, motion=moved, pulses_us=pulses_us, energised=(True,) * len(STRUTS), last_frame=frame, duty=duty)
-        return after, (Send(kind, _ALL, pulses_us, duration_ms),)
+        duty = state.duty.ran(turned, min(elapsed_s, period_s), now.robot_s, self.rules.limits)
+        after = replace(
+            state,
+            motion=moved,
+            pulses_us=pulses_us,
+            energised=(True,) * len(STRUTS),
+            last_frame=self._frame(where, pulses_us, now),
+            duty=duty,
+        )
+        return after, (Send(kind, _ALL, pulses_us, self._frame_ms),)
 
-    def _permitted_advance_s(self, motion: Motion, elapsed_s: float, sent_m: np.ndarray) -> float:
-        """How far along its path a motion may jump: to the newest due frame, but at most a step away. The rest is lost
-        time, never a queue: the path is kept, only later."""
-        limit_m = self.rules.limits.step_m
+    def _permitted_advance_s(self, motion: Motion, elapsed_s: float, where: _Where) -> float:
+        """How far along its path a motion may jump: to the newest due frame, but no strut farther than the board comes within one
+        frame at the speed limit, than the pace permits, or than a step. The rest is lost time, never a queue: the path is kept,
+        only later."""
+        low_us = np.maximum(np.maximum(where.board_us, where.paced_us) - self._reach_us, where.sent_us - self._step_us)
+        high_us = np.minimum(np.minimum(where.board_us, where.paced_us) + self._reach_us, where.sent_us + self._step_us)
 
-        def step_m(advance_s: float) -> float:
-            return float(np.max(np.abs(motion.path.at(motion.progress_s + advance_s) - sent_m)))
+        def is_near(advance_s: float) -> bool:
+            exact_us = exact_pulses_us(self.rules.calibration, motion.path.at(motion.progress_s + advance_s))
+            return bool(((exact_us >= low_us) & (exact_us <= high_us)).all())
 
-        if step_m(elapsed_s) <= limit_m:
+        if is_near(elapsed_s):
             return elapsed_s
-        low_s, high_s = 0.0, elapsed_s
+        near_s, far_s = 0.0, elapsed_s
         for _ in range(30):
-            middle_s = 0.5 * (low_s + high_s)
-            low_s, high_s = (middle_s, high_s) if step_m(middle_s) <= limit_m else (low_s, middle_s)
-        return low_s
+            middle_s = 0.5 * (near_s + far_s)
+            near_s, far_s = (middle_s, far_s) if is_near(middle_s) else (near_s, middle_s)
+        return near_s
 
-    def _board_m(self, state: State, sent_m: np.ndarray, now: Now) -> np.ndarray:
-        """Where the board's own interpolation has come to, if it does what it was told."""
+    def _where(self, state: State, now: Now) -> _Where:
+        """Where everything has come to since the newest frame."""
+        sent_us = np.array(self._pulses(state), dtype=float)
         frame = state.last_frame
         if frame is None:
-            return sent_m
-        left = min(1.0, max(0.0, 1.0 - (now.robot_s - frame.sent_s) / frame.duration_s))
-        return np.asarray(sent_m + left * (np.array(frame.from_m) - sent_m))
+            return _Where(sent_us, sent_us, sent_us)
+        since_s = max(0.0, now.robot_s - frame.sent_s)
+        parts = np.array([1.0 if since_s >= move_s else since_s / move_s for move_s in frame.moves_s])
+        from_us, paced_us = np.array(frame.from_us), np.array(frame.paced_us)
+        left_us = np.maximum(0.0, np.abs(sent_us - paced_us) - self._speed_us_s * since_s)
+        return _Where(sent_us, from_us + parts * (sent_us - from_us), sent_us - np.sign(sent_us - paced_us) * left_us)
+
+    def _frame(self, where: _Where, pulses_us: tuple[int, ...], now: Now) -> LastFrame:
+        ways_us = np.abs(np.array(pulses_us) - where.board_us)
+        moves_s = tuple(self._move_time(float(way_us), self._frame_ms) for way_us in ways_us)
+        return LastFrame(tuple(where.board_us.tolist()), now.robot_s, moves_s, tuple(where.paced_us.tolist()))
 
     # ---- shared -----------------------------------------------------------------------------------------------------
 
-    def _end(self, state: State, mode: Mode, reason: str, outcome: Outcome, why: str) -> Result:
-        """Ends motion and homing, and holds every strut that is under power where it was last sent."""
+    def _end(self, state: State, now: Now, mode: Mode, reason: str, outcome: Outcome, why: str) -> Result:
+        """Ends motion and homing, and holds every strut that is under power where the board is."""
         effects: list[Effect] = []
+        ended = replace(state, mode=mode, reason=reason, motion=None, energising=0)
         struts = tuple(index for index, on in enumerate(state.energised) if on)
         if struts:
-            effects.append(Send(Kind.HOLD, struts, self._pulses(state), self.min_duration_ms))
+            where = self._where(state, now)
+            board_us = whole(where.board_us)
+            held_us = tuple(
+                int(at) if on else sent for at, on, sent in zip(board_us, state.energised, state.pulses_us, strict=True)
+            )
+            ended = replace(ended, pulses_us=held_us)
+            ended = replace(ended, last_frame=self._frame(where, self._pulses(ended), now))
+            effects.append(Send(Kind.HOLD, struts, self._pulses(ended), self._frame_ms))
         if state.motion is not None and state.motion.number != HOMING_NUMBER:
             effects.append(Finished(state.motion.number, outcome, why))
-        ended = replace(state, mode=mode, reason=reason, motion=None, last_frame=None, energising=0)
         return ended, tuple(effects)
 
     def _require_lease(self, state: State, token: str, now: Now) -> Lease:
@@ -313,9 +354,6 @@ class Supervisor:
 
     def _lengths_m(self, state: State) -> tuple[float, ...]:
         return self.rules.calibration.lengths_m(self._pulses(state))
-
-    def _period_ms(self) -> int:
-        return _whole_ms(self.rules.pacing.period_s * self.rules.pacing.overlap)
 
 
 def _whole_ms(duration_s: float) -> int:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -12,15 +11,19 @@ from numpy.typing import ArrayLike, NDArray
 from hardware_bridge.calibration import STRUTS
 from hardware_bridge.errors import TrajectoryError
 
-MAX_KNOTS = 1000
+MAX_KNOTS = 4000
 MAX_DURATION_S = 600.0
+CLOSEST_S = 1e-12
+"""Least time between knots: closer ones have no slope that a computer can hold."""
+
+_JUMP_S = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
 class Trajectory:
     """Knots of the six rest lengths. Between knots every strut moves at constant speed.
 
-    The motion starts at the present lengths at time 0. If the first knot's time is 0, it must be the present lengths.
+    The motion starts at the present lengths at time 0. A first knot at time 0 that is elsewhere is a jump, for the rules to judge.
 
     Attributes:
         times_s: Robot time of each knot since the start, strictly increasing. Shape (n,).
@@ -39,19 +42,20 @@ class Trajectory:
             lengths = np.array(self.lengths_m, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise TrajectoryError("times and lengths must be numbers, six lengths a knot") from error
-        if times.ndim != 1 or not 1 <= len(times) <= MAX_KNOTS or lengths.shape != (len(times), len(STRUTS)):
+        most = MAX_KNOTS + bool(times.size and times.flat[0] == 0.0)
+        if times.ndim != 1 or not 1 <= len(times) <= most or lengths.shape != (len(times), len(STRUTS)):
             shapes = f"times {times.shape} and lengths {lengths.shape}"
-            raise TrajectoryError(f"{shapes}, valid are (n,) and (n, 6) with n from 1 to {MAX_KNOTS}")
-        for knot, row in enumerate(lengths, start=1):
-            for strut, length in zip(STRUTS, row, strict=True):
-                if not math.isfinite(length):
-                    raise TrajectoryError(f"{strut} is {length} at knot {knot}, valid is a length in m", strut, knot)
-        previous = -math.inf
-        for knot, time_s in enumerate(times, start=1):
-            if not 0.0 <= time_s <= MAX_DURATION_S or time_s <= previous:
-                valid = f"from 0 to {MAX_DURATION_S:g} s, each later than the one before"
-                raise TrajectoryError(f"time of knot {knot} is {time_s:g} s, valid is {valid}", knot=knot)
-            previous = time_s
+            raise TrajectoryError(f"{shapes}, valid are (n,) and (n, 6) with n from 1 to {MAX_KNOTS} after time 0")
+        if not (finite := np.isfinite(lengths)).all():
+            knot, strut = (int(index) for index in np.argwhere(~finite)[0])
+            problem = f"{STRUTS[strut]} is {lengths[knot, strut]} at knot {knot + 1}, valid is a length in m"
+            raise TrajectoryError(problem, STRUTS[strut], knot + 1)
+        good = (times >= 0.0) & (times <= MAX_DURATION_S)
+        good[1:] &= np.diff(times) >= CLOSEST_S
+        if not good.all():
+            knot = int(np.argmin(good)) + 1
+            valid = f"from 0 to {MAX_DURATION_S:g} s, each later than the one before"
+            raise TrajectoryError(f"time of knot {knot} is {times[knot - 1]:g} s, valid is {valid}", knot=knot)
         times.flags.writeable = False
         lengths.flags.writeable = False
         object.__setattr__(self, "times_s", times)
@@ -81,12 +85,19 @@ class Trajectory:
         return float(self.times_s[-1])
 
     def starting_at(self, lengths_m: Sequence[float]) -> Trajectory:
-        """This trajectory with the knot (0, ``lengths_m``) in front, or in place of its own knot at 0."""
-        rest = slice(1, None) if self.times_s[0] == 0.0 else slice(None)
-        return Trajectory(
-            np.concatenate(([0.0], self.times_s[rest])),
-            np.concatenate((np.array([lengths_m], dtype=np.float64), self.lengths_m[rest])),
-        )
+        """This trajectory with the knot (0, ``lengths_m``) in front.
+
+        Its own knot at 0 falls away if it says the same; else it comes at once behind: nothing of the path is lost, so what
+        is judged and sent does not depend on where the next knot is.
+        """
+        present = np.array(lengths_m, dtype=np.float64)
+        times, lengths = self.times_s, self.lengths_m
+        if times[0] == 0.0 and np.array_equal(lengths[0], present):
+            times, lengths = times[1:], lengths[1:]
+        elif times[0] == 0.0:
+            times = times.copy()
+            times[0] = _JUMP_S if len(times) == 1 else min(_JUMP_S, 0.5 * float(times[1]))
+        return Trajectory(np.concatenate(([0.0], times)), np.concatenate((present[None], lengths)))
 
     def at(self, time_s: float) -> NDArray[np.float64]:
         """Lengths in [m] at ``time_s``, held beyond the ends. Shape (6,)."""

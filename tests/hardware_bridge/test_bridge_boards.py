@@ -48,7 +48,7 @@ def test_a_motion_reaches_the_body_as_it_was_sent(start_prototype: Callable, mak
     assert np.abs(np.diff(lengths, axis=0)).max() < 0.002, "short steps only"
     late = times > times[-1] - 1.5
     speeds = np.abs(np.diff(lengths[late], axis=0)).max(axis=1) / np.diff(times[late])
-    assert np.median(speeds) == pytest.approx(0.01, rel=0.3)
+    assert 0.007 < np.median(speeds) < 0.022, "the motion's pace, or, after late frames, the limit and a pulse a frame"
 
 
 @pytest.mark.parametrize("spec", SPECS)

@@ -50,8 +50,8 @@ def test_the_calibrations_own_stroke_holds_where_it_is_narrower(rules: Rules) ->
     assert (caught.value.strut, caught.value.limit) == ("S6", pytest.approx(-20.0))
 
 
-def test_too_fast_names_strut_speed_and_segment(rules: Rules) -> None:
-    with pytest.raises(LimitError, match=r"S2: speed 30 mm/s in segment 1 is outside the limit 20 mm/s"):
+def test_too_fast_names_strut_speed_and_time(rules: Rules) -> None:
+    with pytest.raises(LimitError, match=r"S2: speed 30 mm/s from 0\.000 to 1\.000 s is outside the limit 20 mm/s"):
         check_trajectory(rules, MID, one_strut(1, 0.03, 1.0))
 
 
@@ -118,6 +118,26 @@ def test_the_last_gate_lets_no_bad_frame_through(
 def test_the_last_gate_judges_the_shape(rules: Rules) -> None:
     with pytest.raises(ShapeError):
         check_frame(replace(rules, shape_check=lambda lengths: "no"), range(6), (1501,) * 6, BEFORE, 55, homing=False)
+
+
+def test_the_last_gate_lets_a_hold_only_between_where_the_board_is_and_where_it_was_sent(rules: Rules) -> None:
+    sent, board = (1700, *BEFORE[1:]), (1690.4, *(1500.0,) * 5)
+    for pulse in (1690, 1691, 1700):
+        check_frame(rules, range(6), (pulse, *BEFORE[1:]), sent, 55, True, board, True)
+    for pulse in (1688, 1702):
+        with pytest.raises(LimitError, match="S1: pulse of a hold"):
+            check_frame(rules, range(6), (pulse, *BEFORE[1:]), sent, 55, True, board, True)
+
+
+def test_the_last_gate_measures_from_where_the_board_is_and_not_from_what_was_sent(rules: Rules) -> None:
+    sent = (1530, *BEFORE[1:])
+    with pytest.raises(LimitError, match="S1: speed"):
+        check_frame(rules, range(6), (1531, *BEFORE[1:]), sent, 55, False, (1515.0, *(1500.0,) * 5))
+    with pytest.raises(LimitError, match="S1: speed"):
+        check_frame(rules, range(6), sent, sent, 20, False, (1515.0, *(1500.0,) * 5))
+    check_frame(rules, range(6), (1531, *BEFORE[1:]), sent, 55, False, (1519.5, *(1500.0,) * 5))
+    with pytest.raises(LimitError, match="unknown position"):
+        check_frame(rules, range(6), (1531, *BEFORE[1:]), sent, 55, False, (None, *(1500.0,) * 5))
 
 
 def test_the_last_gate_always_lets_struts_be_held_where_they_are(rules: Rules) -> None:

@@ -7,6 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hardware_bridge.calibration import load_calibration
+from hardware_bridge.checks import Rules
 from hardware_bridge.duty import Duty, check_duty, returns
 from hardware_bridge.errors import DutyError
 from hardware_bridge.limits import Limits
@@ -14,6 +16,8 @@ from hardware_bridge.trajectory import Trajectory
 from tests.hardware_bridge.helpers import MID, MID_M
 
 LIMITS = Limits(duty_fraction=0.2, duty_window_s=60.0)
+CALIBRATION = load_calibration()
+RULES = Rules(CALIBRATION, LIMITS)
 FIRST = (True, *(False,) * 5)
 
 
@@ -38,22 +42,22 @@ def test_the_refusal_says_how_long_to_wait_and_that_is_enough() -> None:
     for second in range(12):
         duty = duty.ran(FIRST, 0.95, float(second), LIMITS)
     with pytest.raises(DutyError) as caught:
-        check_duty(duty, out(), 20.0, LIMITS)
+        check_duty(duty, out(), 20.0, RULES)
     assert caught.value.strut == "S1"
     assert caught.value.wait_s is not None
-    check_duty(duty, out(), 20.0 + caught.value.wait_s, LIMITS)
+    check_duty(duty, out(), 20.0 + caught.value.wait_s, RULES)
     with pytest.raises(DutyError):
-        check_duty(duty, out(), 20.0 + caught.value.wait_s - 1.1, LIMITS)
+        check_duty(duty, out(), 20.0 + caught.value.wait_s - 1.1, RULES)
 
 
 def test_a_motion_longer_than_the_budget_cannot_be_waited_for() -> None:
     with pytest.raises(DutyError, match="make the motion shorter") as caught:
-        check_duty(Duty(), out(0.04, 13.0), 0.0, LIMITS)
+        check_duty(Duty(), out(0.04, 13.0), 0.0, RULES)
     assert caught.value.wait_s is None
 
 
 def test_struts_that_rest_in_a_long_motion_need_nothing() -> None:
-    check_duty(Duty(), Trajectory([0.0, 2.0, 500.0], [MID, [0.24, *MID[1:]], [0.24, *MID[1:]]]), 0.0, LIMITS)
+    check_duty(Duty(), Trajectory([0.0, 2.0, 500.0], [MID, [0.24, *MID[1:]], [0.24, *MID[1:]]]), 0.0, RULES)
 
 
 def test_another_clock_changes_nothing() -> None:
@@ -76,7 +80,7 @@ def test_another_clock_changes_nothing() -> None:
 )
 def test_the_way_back_only_nears_mid_stroke(lengths_m: list[float], back: bool) -> None:
     path = Trajectory(np.arange(len(lengths_m)), [[length, *MID[1:]] for length in lengths_m])
-    assert returns(path, MID_M, 1e-4) is back
+    assert returns(path, CALIBRATION) is back
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 5.0), st.lists(st.booleans(), min_size=6, max_size=6)), max_size=200))

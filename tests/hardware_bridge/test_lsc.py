@@ -152,7 +152,7 @@ def test_nonsense_is_no_move(frame: Frame) -> None:
 def test_the_board_is_one_and_states_its_quirks() -> None:
     board: Board = Lsc()
     assert board.encode_move([1500], [1], 100, [1490.0]) == encode_move([1500], [1], 100)
-    assert board.encode_hold([1500], [1]) == encode_move([1500], [1], 20)
+    assert board.encode_hold([1500], [1], 55) == encode_move([1500], [1], 55)
     assert board.encode_query([1]) == (encode_battery_query(), 6)
     assert not board.quirks.tells_pulses
     assert not board.quirks.error_moves

@@ -87,12 +87,13 @@ def test_a_crc_notices_any_single_wrong_bit(packet: bytes, at: int, bit: int) ->
 
 
 @given(variants, st.lists(st.tuples(st.integers(992, 2000), st.floats(992, 2000)), min_size=1, max_size=6), st.integers(20, 3000))
-def test_a_move_gets_there_in_time_and_never_at_full_speed(board: Maestro, ways: list, duration_ms: int) -> None:
+def test_a_move_is_no_faster_than_told_and_never_at_full_speed_nor_at_none(board: Maestro, ways: list, duration_ms: int) -> None:
     for to_us, from_us in ways:
         units = speed_units(to_us - from_us, duration_ms)
         assert units >= 1
-        assert units * 25.0 * duration_ms * 1e-3 >= abs(to_us - from_us) - 1e-6
-        assert units == 1 or (units - 1) * 25.0 * duration_ms * 1e-3 < abs(to_us - from_us)
+        assert (units + 1) * 25.0 * duration_ms * 1e-3 > abs(to_us - from_us)
+        assert units == 1 or units * 25.0 * duration_ms * 1e-3 <= abs(to_us - from_us) + 1e-6
+        assert board.move_time_s(to_us - from_us, duration_ms) == abs(to_us - from_us) / (units * 25.0)
     frame = board.encode_move([way[0] for way in ways], range(len(ways)), duration_ms, [way[1] for way in ways])
     assert len(frame) <= board.quirks.longest_frame_bytes
 
@@ -142,6 +143,6 @@ def test_the_board_is_one_and_states_its_quirks() -> None:
     assert board.spec == "maestro:device=12:crc"
     assert board.quirks.error_moves
     assert board.quirks.has_timeout
-    assert board.encode_hold([1500], [0]) == bytes.fromhex("AA 0C 04 00 70 2E 22")
+    assert board.encode_hold([1500], [0], 55) == bytes.fromhex("AA 0C 04 00 70 2E 22")
     with pytest.raises(CodecError, match="device is 128"):
         Maestro(128)

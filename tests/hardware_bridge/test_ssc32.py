@@ -173,7 +173,7 @@ def test_what_the_board_cannot_do_is_not_encoded(pulses: list[int], on: list[int
 def test_the_board_is_one_and_states_its_quirks() -> None:
     board: Board = Ssc32()
     assert board.encode_move([1500], [1], 100, [1490.0]) == b"#1P1500T100\r"
-    assert board.encode_hold([1500], [1]) == b"#1P1500T20\r"
+    assert board.encode_hold([1500], [1], 55) == b"#1P1500T55\r"
     assert board.encode_query(range(1, 7)) == (b"QP1QP2QP3QP4QP5QP6\r", 6)
     assert board.parse_reply(bytes((150, 0)), 2) == Health(pulses_us=(1500.0, None))
     assert board.quirks.cancel == CANCEL

@@ -200,16 +200,25 @@ def test_a_late_frame_is_the_newest_due_one_and_the_stale_ones_are_dropped(armed
     armed.tick()
     armed.tick(0.12)
     assert [frame.pulses_us[0] for frame in armed.sent()] == [1505, 1517]
-    assert armed.sent()[-1].duration_ms == 60, "no faster than the speed limit"
+    assert armed.sent()[-1].duration_ms == 55, "one pulse more than the speed limit, by rounding"
 
 
-def test_a_very_late_frame_goes_no_farther_than_a_step_and_the_path_is_kept(armed: Driver) -> None:
+def test_a_frame_is_never_more_than_one_at_the_speed_limit_ahead_of_the_board(armed: Driver) -> None:
+    armed.move(0.04, 2.0)
+    for after_s in (0.05, 0.05, 0.09, 0.01, 0.05, 0.002, 0.05):
+        armed.tick(after_s)
+    sent = armed.sent()
+    assert {frame.duration_ms for frame in sent} == {55}
+    assert max(np.diff([1500, *(frame.pulses_us[0] for frame in sent)])) <= 12
+
+
+def test_a_very_late_frame_goes_no_farther_than_a_frame_and_the_path_is_kept(armed: Driver) -> None:
     armed.move(0.04, 4.0)
     armed.tick()
     armed.tick(0.9)
     first, late = armed.sent()
-    assert late.pulses_us[0] - first.pulses_us[0] == 20
-    assert late.duration_ms == 100
+    assert late.pulses_us[0] - first.pulses_us[0] == 12, "one frame at the speed limit, and a pulse"
+    assert late.duration_ms == 55
     armed.tick()
     assert armed.sent()[-1].pulses_us[0] - late.pulses_us[0] == 5
     while armed.state.motion is not None:
@@ -258,10 +267,11 @@ def test_a_command_while_homing_is_refused(driver: Driver) -> None:
 def test_cancel_holds_and_the_holder_may_go_on(armed: Driver) -> None:
     armed.move()
     armed.tick()
+    armed.time_s += 0.02
     effects = armed.feed(Hold("cancelled", 1))
     assert armed.state.mode is Mode.HOLD
     assert effects == (
-        Send(Kind.HOLD, (0, 1, 2, 3, 4, 5), (1505, 1500, 1500, 1500, 1500, 1500), 20),
+        Send(Kind.HOLD, (0, 1, 2, 3, 4, 5), (1502, 1500, 1500, 1500, 1500, 1500), 55),
         Finished(1, Outcome.HELD, "cancelled"),
     )
     assert armed.tick() == ()
@@ -307,9 +317,10 @@ def test_disarm_needs_the_lease_and_holds(armed: Driver) -> None:
 def test_stop_latches_and_only_reset_leaves(armed: Driver) -> None:
     armed.move()
     armed.tick()
+    armed.time_s += 0.033
     effects = armed.feed(Stop())
     assert isinstance(effects[0], Send)
-    assert effects[0].pulses_us == (1505, 1500, 1500, 1500, 1500, 1500)
+    assert effects[0].pulses_us == (1503, 1500, 1500, 1500, 1500, 1500), "where the board is after 33 of 55 ms"
     assert effects[1] == Finished(1, Outcome.FAULT, "stop pressed")
     for event in (Arm("x", True, "k", MID), Disarm("key"), Execute(Trajectory([1.0], [MID]), "key", 0.0, 2)):
         error = armed.refusal(event)
@@ -328,6 +339,7 @@ def test_a_lost_link_latches_and_sends_nothing(armed: Driver) -> None:
     assert armed.feed(LinkLost("gone")) == (Finished(1, Outcome.FAULT, "gone"),)
     assert armed.state.mode is Mode.FAULT
     assert not any(armed.state.energised), "the board may have lost its power"
+    assert armed.state.pulses_us[0] == 1505, "it ends its last frame, nobody has told it otherwise"
 
 
 def test_an_internal_failure_latches_and_holds(armed: Driver) -> None:

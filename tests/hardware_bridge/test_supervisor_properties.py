@@ -76,9 +76,10 @@ class AnySequence(RuleBasedStateMachine):
         self.current: str | None = None
         self.proven_s = 0.0
         self.board: list[int | None] = [None] * 6  # pulse that each strut has been sent, as a board would know it
+        self.ramps: list[tuple[float, float, float] | None] = [None] * 6  # where from, where to (us), since when: a board's own way
         self.accepted = False
         self.homed_alone: set[int] = set()
-        self.ran: list[tuple[float, np.ndarray]] = []  # when which struts were sent somewhere else
+        self.ran: list[tuple[float, np.ndarray]] = []  # when, and for how long which struts ran
         self.supply_mv: int | None = None
 
     @initialize(known=st.booleans(), spread=st.integers(0, 400))
@@ -226,10 +227,10 @@ class AnySequence(RuleBasedStateMachine):
 
     def judge_strength(self, path: Trajectory) -> None:
         """An accepted motion that loads the struts: the supply is not low, and no strut will have run too long."""
-        if returns(path, MID_M, max(strut.quantum_m for strut in CALIBRATION.struts)):
+        if returns(path, CALIBRATION):
             return
         assert self.supply_mv is None or self.supply_mv >= LOW_MV
-        used_s = sum((0.05 * moved for at_s, moved in self.ran if at_s > self.time_s - WINDOW_S), np.zeros(6))
+        used_s = sum((run_s for at_s, run_s in self.ran if at_s > self.time_s - WINDOW_S), np.zeros(6))
         needs_s = ((np.abs(np.diff(path.lengths_m, axis=0)) > 0) * np.diff(path.times_s)[:, None]).sum(axis=0)
         assert (used_s + needs_s).max() <= BUDGET_S + 1e-6
 
@@ -279,9 +280,13 @@ class AnySequence(RuleBasedStateMachine):
             assert changes[index] <= 0.02 * send.duration_ms * 1e-3 + strut.quantum_m + 1e-9
             if self.board[index] is not None and send.kind is not Kind.ENERGISE:
                 assert known[index] == self.board[index], "the record is what the board was sent"
-        self.ran.append((self.time_s, changes > 0.0))
-        if send.kind in (Kind.ENERGISE, Kind.HOLD):
+        self.judge_by_the_board(send)
+        if send.kind is Kind.ENERGISE:
             assert not changes.any()
+        if send.kind in (Kind.MOVE, Kind.HOME):
+            first = before.motion is None or before.motion.ticked_s is None
+            run_s = 0.05 if first else min(0.05, self.time_s - before.motion.ticked_s)  # type: ignore[operator,union-attr]
+            self.ran.append((self.time_s, run_s * (changes > 0.0)))
         if send.kind is Kind.ENERGISE:
             assert len(send.struts) == 1
             self.homed_alone.add(send.struts[0])
@@ -295,6 +300,20 @@ class AnySequence(RuleBasedStateMachine):
             assert before.mode is (Mode.ARMED if send.kind is Kind.MOVE else Mode.HOMING)
         for index in send.struts:
             self.board[index] = send.pulses_us[index]
+
+    def judge_by_the_board(self, send: Send) -> None:
+        """Nothing is faster than the limit from where a board is that goes straight to what it was told, and a hold is there."""
+        assert send.duration_ms == 55
+        for index in send.struts:
+            ramp, pulse = self.ramps[index], send.pulses_us[index]
+            at_us = float(pulse)
+            if ramp is not None:
+                from_us, to_us, since_s = ramp
+                at_us = from_us + min(1.0, (self.time_s - since_s) / 0.055) * (to_us - from_us)
+            quantum_m = CALIBRATION.struts[index].quantum_m
+            assert abs(pulse - at_us) * quantum_m <= 0.02 * 0.055 + quantum_m + 1e-9
+            assert send.kind is not Kind.HOLD or abs(pulse - at_us) <= 0.501
+            self.ramps[index] = (at_us, float(pulse), self.time_s)
 
     def is_borderline(self, send: Send) -> bool:
         """Frames fall between the judged ones: by rounding alone a shape may be over; the bridge's last gate stops it."""

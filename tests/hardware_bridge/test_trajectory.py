@@ -31,11 +31,23 @@ def test_no_strut_is_ever_faster_than_its_segment(one_s: float, other_s: float) 
     assert change <= abs(one_s - other_s) * 0.04 / 7 + 1e-12
 
 
-def test_starting_at_puts_the_present_in_front_or_in_place_of_time_zero() -> None:
-    for times in ([2.0], [0.0, 2.0]):
-        path = Trajectory(times, [[0.24] * 6] * len(times)).starting_at(MID)
+def test_starting_at_puts_the_present_in_front_or_in_place_of_a_knot_that_says_the_same() -> None:
+    for times, lengths in (([2.0], [[0.24] * 6]), ([0.0, 2.0], [MID, [0.24] * 6])):
+        path = Trajectory(times, lengths).starting_at(MID)
         assert list(path.times_s) == [0.0, 2.0]
-        assert list(path.lengths_m[0]) == list(MID)
+        assert path.lengths_m.tolist() == [list(MID), [0.24] * 6]
+
+
+@pytest.mark.parametrize("times", [[0.0], [0.0, 1e-11], [0.0, 2.0]])
+def test_a_first_knot_elsewhere_is_a_jump_and_is_not_lost(times: list[float]) -> None:
+    path = Trajectory(times, [[0.24] * 6] * len(times)).starting_at(MID)
+    assert path.lengths_m[:2].tolist() == [list(MID), [0.24] * 6]
+    assert 0.0 < path.times_s[1] <= 1e-9
+
+
+def test_as_many_knots_as_are_valid_can_start_at_the_present() -> None:
+    times = np.arange(1, MAX_KNOTS + 1) * 0.1
+    assert len(Trajectory(times, [MID] * MAX_KNOTS).starting_at(MID).times_s) == MAX_KNOTS + 1
 
 
 def test_columns_follow_the_names() -> None:

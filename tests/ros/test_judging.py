@@ -6,6 +6,7 @@ import time
 
 import pytest
 
+from hardware_bridge.errors import may_be_sent_again
 from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
@@ -43,7 +44,7 @@ def test_a_shape_that_the_structure_must_not_take_is_refused_whole(armed):
 def test_stop_does_not_wait_for_the_judge_and_what_was_judged_is_refused(armed):
     before = moved(armed)
     zigzag = [(5.0 * knot, [0.234 + (0.03 if knot % 2 else -0.03), *MID[1:5], 0.234 + 0.002 * knot]) for knot in range(1, 13)]
-    goal = armed.begin_motion(*zigzag, lease=armed.lease)
+    goal = armed.begin_motion(*zigzag, lease=armed.lease, once=True)
     begun = time.monotonic()
     assert armed.trigger("stop").success
     assert time.monotonic() - begun < 1.0, "to judge 700 shapes takes longer"
@@ -52,3 +53,18 @@ def test_stop_does_not_wait_for_the_judge_and_what_was_judged_is_refused(armed):
     assert not result.success
     assert "stop pressed" in result.reason
     assert moved(armed) <= before + 1, "the hold, and nothing that moves"
+
+
+def test_a_goal_is_too_old_if_it_took_too_long_to_judge_and_may_be_sent_again(armed):
+    before = moved(armed)
+    there_and_back = [
+        (6.0 * knot, [0.234 + (0.027 if knot % 2 else -0.027), *MID[1:5], 0.234 - 0.0015 * knot]) for knot in range(1, 9)
+    ]
+    result = armed.end(armed.begin_motion(*there_and_back, lease=armed.lease, once=True)).result
+    assert not result.success
+    assert may_be_sent_again(result.reason), result.reason
+    assert float(result.reason.split()[2]) > 0.5, "400 shapes take longer"
+    assert moved(armed) == before
+    goal = armed.begin_motion(*there_and_back, lease=armed.lease, once=True)
+    wait_until(lambda: moved(armed) > before, 10.0, "the same motion, judged already")
+    armed.cancel(goal)

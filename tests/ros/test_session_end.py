@@ -84,12 +84,14 @@ def test_the_bridge_ends_well(interrupted, how):
 
 
 @HOW
-def test_the_last_frame_holds_the_struts_where_the_one_before_sent_them(interrupted, how):
+def test_the_last_frame_holds_the_struts_where_the_board_is(interrupted, how):
     session = read_session(interrupted[how][0])
     writes = [message for message in session.of("bridge/struts_sent") if not message.heartbeat]
-    last, before = writes[-1], writes[-2]
-    assert list(last.pulse_us) == list(before.pulse_us)
-    assert last.duration_ms < before.duration_ms
+    last, before, earlier = writes[-1], writes[-2], writes[-3]
+    for held, sent, was in zip(last.pulse_us, before.pulse_us, earlier.pulse_us, strict=True):
+        assert min(sent, was) - 1 <= held <= max(sent, was) + 1
+        assert abs(held - sent) <= 12, "a frame at the speed limit, and a pulse"
+    assert last.duration_ms == before.duration_ms == 55
     assert max(abs(length - 0.234) for length in last.length_m) > 0.01
     (frame,) = FrameDecoder().feed(bytes(last.frame))
     move = decode_move(frame)
@@ -223,7 +225,8 @@ def test_on_a_real_port_the_last_bytes_hold_the_struts(processes, operator):
         assert bridge.ends(10.0) == 0, bridge.output
     finally:
         board.close()
-    before, last = board.moves[-2:]
-    assert last.pulses_us == before.pulses_us
-    assert last.duration_ms < before.duration_ms
+    earlier, before, last = board.moves[-3:]
+    for held, sent, was in zip(last.pulses_us, before.pulses_us, earlier.pulses_us, strict=True):
+        assert min(sent, was) - 1 <= held <= max(sent, was) + 1, "where the board is"
+    assert last.duration_ms == before.duration_ms
     assert max(last.pulses_us) < 1500 + 20 * 10

@@ -97,15 +97,20 @@ class Board(Protocol):
         """
         ...
 
-    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int]) -> bytes:
-        """One frame that repeats pulses already sent, so that nothing goes beyond them.
+    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
+        """One frame that sends ``channels`` to where they are by now, so that nothing goes on.
 
         This is how every board is stopped. LSC and Maestro have no command that stops a servo; the SSC-32 has one, but
-        it leaves the servo at a pulse that nobody has recorded.
+        it leaves the servo at a pulse that nobody has recorded. It lasts as long as a move: were the board not where it is
+        believed to be, it would not be made good in a jump.
 
         Raises:
             CodecError: As ``encode_move``.
         """
+        ...
+
+    def move_time_s(self, way_us: float, duration_ms: int) -> float:
+        """How long in [s] a channel really takes for a way in [us] of a move that is told to last ``duration_ms``."""
         ...
 
     def encode_query(self, channels: Sequence[int]) -> Query:

@@ -3,9 +3,10 @@
 Source: Pololu, "Maestro servo controller user's guide" (0J40), 4.e and 5.a to 5.e. Targets are in quarter microseconds,
 low seven bits first; the top bit marks the first byte of a command, so a stream finds its frames by itself.
 
-The Maestro knows speeds, not durations: a move sets, for each channel, the speed that gets it there in time (rounded up to
-25 us/s), and never a speed of 0, which would be full speed. A channel that need not move gets the slowest speed, so that it
-creeps if it is not where it is believed to be.
+The Maestro knows speeds, not durations: a move sets, for each channel, the speed that gets it there in time, rounded down to
+25 us/s, so that no limit is passed, and never a speed of 0, which would be full speed. A channel may so come late; whoever sends
+the next move knows by how much (``move_time_s``). A channel that need not move gets the slowest speed, so that it creeps if it is
+not where it is believed to be.
 
 What only Pololu's Control Center can set, and must:
 
@@ -94,8 +95,8 @@ def mini_ssc(address: int, target: int) -> bytes:
 
 
 def speed_units(distance_us: float, duration_ms: int) -> int:
-    """The slowest speed, in units of 25 us/s and at least 1, that covers a distance in time."""
-    return min(max(1, math.ceil(abs(distance_us) / (duration_ms * 1e-3) / SPEED_UNIT_US_S - 1e-9)), _U14[1])
+    """The highest speed, in units of 25 us/s and at least 1, that is no faster than needed to cover a distance in time."""
+    return min(max(1, math.floor(abs(distance_us) / (duration_ms * 1e-3) / SPEED_UNIT_US_S + 1e-9)), _U14[1])
 
 
 @dataclass(frozen=True)
@@ -180,12 +181,16 @@ class Maestro:
         check_range("duration_ms", duration_ms, self.quirks.duration_ms)
         units = [speed_units(to - at, duration_ms) for to, at in zip(pulses_us, from_us, strict=True)]
         speeds = b"".join(self.set_speed(channel, unit) for channel, unit in zip(channels, units, strict=True))
-        return speeds + self.encode_hold(pulses_us, channels)
+        return speeds + self.encode_hold(pulses_us, channels, duration_ms)
 
-    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int]) -> bytes:
-        """Targets only: what is left of the last move ends at its own speed. Raises CodecError."""
+    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
+        """Targets only: they are gone to at the speed of the last move. Raises CodecError."""
         check_pulses(pulses_us, channels, self.quirks)
         return b"".join(self.set_target(channel, pulse_us) for channel, pulse_us in zip(channels, pulses_us, strict=True))
+
+    def move_time_s(self, way_us: float, duration_ms: int) -> float:
+        """At the speed that ``encode_move`` sets."""
+        return abs(way_us) / (speed_units(way_us, duration_ms) * SPEED_UNIT_US_S)
 
     def encode_query(self, channels: Sequence[int]) -> Query:
         """Errors, which this clears, and the commanded pulse of every channel."""

@@ -241,9 +241,13 @@ class Ssc32:
         """See :func:`encode_move`; the board knows where its outputs are."""
         return encode_move(pulses_us, channels, duration_ms)
 
-    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int]) -> bytes:
-        """The last pulses again, with the shortest duration."""
-        return encode_move(pulses_us, channels, QUIRKS.duration_ms[0])
+    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
+        """A move to where the servos are."""
+        return encode_move(pulses_us, channels, duration_ms)
+
+    def move_time_s(self, way_us: float, duration_ms: int) -> float:
+        """As told, whatever the way."""
+        return duration_ms * 1e-3
 
     def encode_query(self, channels: Sequence[int]) -> Query:
         """``QP`` of every channel: ``VER`` is not on every board, and this one also shows a reset."""

@@ -70,7 +70,7 @@ def test_a_hold_goes_no_further_than_the_last_move(spec: str) -> None:
     board = emulate(spec)
     board.receive(move(spec, 1500, 20), 0.0)
     board.receive(move(spec, 1510, 55), 1.0)
-    board.receive(parse_board(spec).encode_hold([1510] * 6, CHANNELS), 1.02)
+    board.receive(parse_board(spec).encode_hold([1510] * 6, CHANNELS, 55), 1.02)
     board.process(9.0)
     assert max(pulses(board.orders, 1.06)) <= 1510
     assert pulses(board.orders, 1.2) == [1510] * 6

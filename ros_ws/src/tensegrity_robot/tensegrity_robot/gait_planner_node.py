@@ -20,6 +20,7 @@ from rclpy.task import Future
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from hardware_bridge.errors import may_be_sent_again
 from sim_core.errors import SimError
 from sim_core.face_graph import FaceGraph
 from sim_core.library import Gait, load_library
@@ -48,6 +49,9 @@ from tensegrity_robot.rehearsing import Rehearser, Rehearsing, rehearsal_message
 from tensegrity_robot.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View, known_face
 
 TICK_S = 0.1
+MOST_SENDS = 5
+"""How often one motion is sent. The bridge judges shapes that are new to it, which may take longer than a stamp is good for, and
+remembers them: sent again, the same motion is accepted at once."""
 SILENT_S = 3.0
 """A bridge that publishes no state for this long is gone; it does at 2 Hz."""
 LONG_AGO = -1
@@ -99,6 +103,9 @@ class _Running:
         self.unlikely = False
         """It is refused because of these odds."""
         self.motion: Any = None
+        self.move: Move | None = None
+        self.sends = 0
+        """How often `move` was sent."""
         self.motion_asked: float | None = None
         """When the bridge was asked for the motion that is under way."""
         self.motion_began_ns = 0
@@ -439,6 +446,8 @@ class GaitPlannerNode(Node):
         """Ask the bridge for a motion."""
         roll = self._roll
         assert roll is not None
+        roll.sends = roll.sends + 1 if move is roll.move else 1
+        roll.move = move
         view = self._view()
         knots = constant_speed_knots(view.lengths_m, move.lengths_m, self._prototype.actuator_speed_m_s)
         if not knots:
@@ -476,6 +485,8 @@ class GaitPlannerNode(Node):
             return
         if roll.cancelled_at is not None:
             self._end_with(roll, "cancelled; the struts hold where they are")
+        elif not success and may_be_sent_again(reason) and roll.move is not None and roll.sends < MOST_SENDS:
+            self._do(roll.move)
         elif not success:
             self._end_with(roll, f"the bridge ended the motion: {reason}")
         else:

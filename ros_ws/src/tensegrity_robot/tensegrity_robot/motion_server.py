@@ -10,6 +10,7 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectory
 
+from hardware_bridge.age import Age
 from hardware_bridge.errors import BridgeError, Refused
 from hardware_bridge.motion import MotionHandle
 from hardware_bridge.remote_bridge import RemoteBridge
@@ -76,13 +77,13 @@ class MotionServer:
             if request.session and request.session != snapshot.session:
                 raise Refused(f"the goal is for session {request.session}, this bridge's is {snapshot.session}: arm again")
             now_ns = self._node.get_clock().now().nanoseconds
-            age_s = (now_ns - messages.nanoseconds(request.trajectory.header.stamp)) * 1e-9
+            age = Age((now_ns - messages.nanoseconds(request.trajectory.header.stamp)) * 1e-9)
             trajectory = bridge_messages.trajectory_of(request.trajectory)
             self._permit(trajectory, request.library_hash)
             await elsewhere(self._node, lambda: bridge.judge_motion(trajectory, request.lease), "judge a motion")
             if self._ready() is not bridge:
                 raise Refused("the bridge was opened anew while the motion was judged; arm again")
-            motion = bridge.execute(trajectory, request.lease, age_s)
+            motion = bridge.execute(trajectory, request.lease, age.now_s())
         except BridgeError as error:
             self._node.get_logger().warning(f"motion refused: {error}")
             goal.abort()

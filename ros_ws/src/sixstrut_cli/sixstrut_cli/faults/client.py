@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from hardware_bridge.errors import may_be_sent_again
 from hardware_bridge.proofs import Prover
 from sixstrut_cli.faults.processes import START_LIMIT_S, wait_until
 from tensegrity_interfaces.action import ExecuteStruts, Roll
@@ -27,6 +28,8 @@ from tensegrity_interfaces.srv import Arm, Disarm, FaceGraph, SetFace
 from tensegrity_robot.live_bridge import LiveBridge
 
 ANSWER_LIMIT_S = 15.0
+JUDGING_LIMIT_S = 60.0
+MOST_SENDS = 5
 LATCHED = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
@@ -219,19 +222,37 @@ class Operator:
         return self._result(self._from_executor(handle.cancel_goal_async), "the answer to cancel")
 
     def begin_motion(
-        self, *knots: tuple[float, list[float]], lease: str = "", age_s: float = 0.0, names: Any = None, library_hash: str = ""
+        self,
+        *knots: tuple[float, list[float]],
+        lease: str = "",
+        age_s: float = 0.0,
+        names: Any = None,
+        library_hash: str = "",
+        once: bool = False,
     ) -> Any:
-        """The goal handle of a motion of the struts; knots are (time in s, six rest lengths in m)."""
+        """The goal handle of a motion of the struts; knots are (time in s, six rest lengths in m).
+
+        It is under way or refused when this returns: a motion that the bridge took longer to judge than its stamp is good for is
+        sent again. Not with an age of its own, or `once`.
+        """
         trajectory = JointTrajectory(joint_names=names or [f"S{number}" for number in range(1, 7)])
-        stamp = self.node.get_clock().now().nanoseconds - round(age_s * 1e9)
-        trajectory.header.stamp.sec, trajectory.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
         for time_s, lengths_m in knots:
             point = JointTrajectoryPoint(positions=lengths_m)
             point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(time_s * 1e9), 1_000_000_000)
             trajectory.points.append(point)
         wait_until(self._struts.server_is_ready, START_LIMIT_S, "execute_struts")
         goal = ExecuteStruts.Goal(trajectory=trajectory, lease=lease, library_hash=library_hash)
-        return self._send(self._struts, goal, "the answer to execute_struts")
+        for _ in range(MOST_SENDS):
+            stamp, running = self.node.get_clock().now().nanoseconds - round(age_s * 1e9), threading.Event()
+            trajectory.header.stamp.sec, trajectory.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
+            handle = self._send(self._struts, goal, "the answer to execute_struts", partial(_set, running))
+            if once or age_s or not handle.accepted:
+                break
+            result = self._from_executor(handle.get_result_async)
+            wait_until(partial(_any, running.is_set, result.done), JUDGING_LIMIT_S, "a verdict")
+            if running.is_set() or not may_be_sent_again(result.result().result.reason):
+                break
+        return handle
 
     def move(self, *knots: tuple[float, list[float]], **options: Any) -> Any:
         """The result of a whole motion of the struts."""
@@ -247,3 +268,11 @@ class Operator:
     def _result(self, future: Any, what: str, limit_s: float = ANSWER_LIMIT_S) -> Any:
         wait_until(future.done, limit_s, what)
         return future.result()
+
+
+def _set(event: threading.Event, _message: Any) -> None:
+    event.set()
+
+
+def _any(*conditions: Callable[[], bool]) -> bool:
+    return any(condition() for condition in conditions)

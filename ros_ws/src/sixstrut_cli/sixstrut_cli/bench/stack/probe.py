@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -22,6 +23,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from hardware_bridge.errors import may_be_sent_again
 from hardware_bridge.proofs import Prover
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.stack import Stack, wait_until
@@ -31,6 +33,7 @@ from tensegrity_interfaces.srv import Arm
 
 ANSWER_LIMIT_S = 15.0
 START_LIMIT_S = 60.0
+MOST_SENDS = 5
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 DEEP = QoSProfile(depth=2000)
 
@@ -148,16 +151,25 @@ class Probe:
         trajectory = JointTrajectory(joint_names=[f"S{number}" for number in range(1, 7)], points=[point])
         goal = ExecuteStruts.Goal(trajectory=trajectory, lease=self._lease)
 
+        began: list[int] = []
+        running: list[Any] = []
+
         def send() -> Any:
             stamp = self._node.get_clock().now()
             trajectory.header.stamp = stamp.to_msg()
             began.append(int(stamp.nanoseconds))
-            return self._struts.send_goal_async(goal)
+            return self._struts.send_goal_async(goal, feedback_callback=running.append)
 
-        began: list[int] = []
-        handle = self._called(send, "an answer to execute_struts")
-        if not handle.accepted:
-            raise StackError("the bridge rejected a motion")
+        for _ in range(MOST_SENDS):  # again, if judging it took longer than its stamp is good for
+            began.clear()
+            running.clear()
+            handle = self._called(send, "an answer to execute_struts")
+            if not handle.accepted:
+                raise StackError("the bridge rejected a motion")
+            ended = self._begun(handle.get_result_async)
+            self.wait(partial(_either, running, ended), "a verdict on a motion", START_LIMIT_S)
+            if running or not may_be_sent_again(ended.result().result.reason):
+                break
         return handle, began[0]
 
     def end(self, handle: Any) -> Any:
@@ -198,11 +210,21 @@ class Probe:
     def _called(self, call: Callable[[], Any], what: str) -> Any:
         """Call in the executor's thread: from another, the answer can arrive before it is waited for."""
 
+        return self._result(self._begun(call), what)
+
+    def _begun(self, call: Callable[[], Any]) -> Any:
+        """The future of what a call answers at last."""
+
         async def ask() -> Any:
             return await call()
 
-        return self._result(self._executor.create_task(ask), what)
+        return self._executor.create_task(ask)
 
     def _result(self, future: Any, what: str) -> Any:
         self.wait(future.done, what)
         return future.result()
+
+
+def _either(feedback: list[Any], ended: Any) -> bool:
+    """A motion is under way, or over."""
+    return bool(feedback) or bool(ended.done())
