@@ -7,13 +7,13 @@ instant, from the bytes alone.
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from hardware_bridge.checks import Rules
 from hardware_bridge.codecs import lsc, maestro, ssc32
 from hardware_bridge.codecs.registry import parse_board
+from hardware_bridge.duty import Duty
 from hardware_bridge.engine import Engine
 from hardware_bridge.errors import Refused
 from hardware_bridge.events import Callbacks, SentEvent
@@ -118,17 +118,41 @@ class Lines:
             servo.turn(time_s, servo.target_us, time_s + (way_us / (servo.units * 25.0) if servo.units else 0.0))
 
 
-class Kept:
+class KeptPulses:
     """The record of the last pulses, in memory."""
 
-    def __init__(self, folder: Path) -> None:
-        self.path, self.robot, self.pulses_us = folder / "last.json", "", (None,) * 6
+    why = ""
+
+    def __init__(self) -> None:
+        self.pulses_us: tuple[int | None, ...] = (None,) * 6
 
     def load(self, channels: object) -> tuple[int | None, ...]:
         return self.pulses_us
 
     def save(self, channels: object, pulses_us: tuple[int | None, ...], force: bool = False, durable: bool = False) -> None:
         self.pulses_us = tuple(pulses_us)
+
+    def forget(self, channels: object) -> None:
+        self.pulses_us = (None,) * 6
+
+
+class KeptDuty:
+    """The record of running, which forgets."""
+
+    def load(self, now_s: float, time_scale: float, rested_s: float = 0.0) -> Duty:
+        return Duty()
+
+    def save(self, *words: object, **options: object) -> None:
+        pass
+
+    try_to_save = save
+
+
+class Kept:
+    """What is remembered of the robot, in memory: these tests write ten thousands of frames."""
+
+    def __init__(self) -> None:
+        self.pulses, self.duty = KeptPulses(), KeptDuty()
 
 
 class SetClock:
@@ -147,7 +171,7 @@ class SetClock:
 class Rig:
     """The real engine, supervisor, gate, link and codec on ``Lines``; time passes when the test says so."""
 
-    def __init__(self, spec: str, rules: Rules, folder: Path, baud: int = 0) -> None:
+    def __init__(self, spec: str, rules: Rules, baud: int = 0) -> None:
         self.rules = rules
         self.lines = lines = Lines(spec, baud)
         self.sent: list[SentEvent] = []
@@ -155,10 +179,9 @@ class Rig:
         self.link = Link(lines, board, rules.calibration.channels, None, 4.0)  # type: ignore[arg-type]
         self.engine = Engine("lines", rules, board, self.link, Callbacks(on_sent=self.sent.append))
         self.link.open()
-        self.kept = Kept(folder)
+        self.kept = Kept()
         self.engine.begin(1.0, self.kept, True)  # type: ignore[arg-type]
         self.engine.clock = SetClock(lines)  # type: ignore[assignment]
-        self.engine._duty_record = None
         self.motions = 0
 
     def tick(self, after_s: float) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -112,7 +111,7 @@ def test_every_place_of_a_judged_path_is_near_a_judged_shape(path: Trajectory, p
 @given(data=st.data(), path=paths())
 def test_frames_are_never_counted_to_run_longer_than_was_judged(data: st.DataObject, path: Trajectory) -> None:
     rules = Rules(CALIBRATION, Limits(duty_fraction=1.0, duty_window_s=3600.0), Pacing(energise_pause_s=0.0, homing_speed_m_s=0.02))
-    rig = Rig("lsc", rules, Path(tempfile.gettempdir()))
+    rig = Rig("lsc", rules)
     rig.arm()
     path = Trajectory(path.times_s[1:], path.lengths_m[1:] - path.lengths_m[0] + MID_M)
     if not rig.accepts(path):
@@ -144,7 +143,7 @@ def test_a_motion_away_from_mid_stroke_is_no_return_however_it_is_sampled(tmp_pa
     times = np.linspace(0.0, 2.2, count + 1)[1:]
     away = Trajectory(times, MID_M + np.outer(0.009 * times, [1, 0, 0, 0, 0, 0]))
     assert not returns(away.starting_at(MID), rules.calibration)
-    rig = Rig("lsc", rules, tmp_path)
+    rig = Rig("lsc", rules)
     rig.arm()
     with pytest.raises(DutyError, match="S1: has run"):
         rig.execute(away)
@@ -160,7 +159,7 @@ def test_a_motion_away_from_mid_stroke_is_no_return_however_it_is_sampled(tmp_pa
 
 def test_with_a_spent_budget_no_chain_of_returns_creeps_away(tmp_path: Path) -> None:
     rules = Rules(load_calibration(), Limits(duty_window_s=10.0), Pacing(energise_pause_s=0.0))
-    rig = Rig("lsc", rules, tmp_path)
+    rig = Rig("lsc", rules)
     rig.arm()
     rig.execute(Trajectory([1.8], [[MID_M + 0.01, *MID[1:]]]))
     while rig.engine.state.motion is not None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
 from dataclasses import replace
 from pathlib import Path
 
@@ -54,7 +53,7 @@ def check_speeds(rig: Rig) -> None:
 
 
 def armed(spec: str, rules: Rules = RULES, baud: int = 0) -> Rig:
-    rig = Rig(spec, rules, Path(tempfile.gettempdir()), baud)
+    rig = Rig(spec, rules, baud)
     rig.arm()
     return rig
 
@@ -161,7 +160,7 @@ def test_cancel_and_go_on_again_and_again_gains_nothing(spec: str) -> None:
 @given(ticks=st.integers(0, 60), after_s=st.floats(0.0, 0.06), again=st.booleans())
 def test_stop_while_homing_is_where_the_board_is(spec: str, ticks: int, after_s: float, again: bool) -> None:
     rules = Rules(CALIBRATION, pacing=Pacing(energise_pause_s=0.0, homing_speed_m_s=0.02))
-    rig = Rig(spec, rules, Path(tempfile.gettempdir()))
+    rig = Rig(spec, rules)
     far_m = (0.25, 0.22, 0.24, 0.234, 0.23, 0.26)
     rig.engine.apply(Arm("test", True, "key", far_m))
     for _ in range(7 + ticks):
@@ -209,7 +208,7 @@ def test_at_the_ends_of_every_range_motions_end_and_stops_hold(limits: Limits, p
 
 
 def test_what_waits_in_the_port_is_not_put_behind_another_frame(tmp_path: Path) -> None:
-    rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM), tmp_path, 9600)
+    rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM), 9600)
     rig.arm()
     rig.execute(Trajectory([2.0], [[MID_M + 0.03, *MID[1:]]]))
     for _ in range(10):
@@ -223,7 +222,7 @@ def test_what_waits_in_the_port_is_not_put_behind_another_frame(tmp_path: Path) 
 
 def test_a_frame_that_was_not_sent_leaves_what_is_known_of_the_board(tmp_path: Path) -> None:
     """The bars of ``stop`` keep a frame back after the supervisor has counted it."""
-    rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM), tmp_path)
+    rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM))
     rig.arm()
     rig.execute(Trajectory([2.0], [[MID_M + 0.03, *MID[1:]]]))
     for _ in range(10):
@@ -238,7 +237,7 @@ def test_a_frame_that_was_not_sent_leaves_what_is_known_of_the_board(tmp_path: P
 
 
 def test_a_full_disk_does_not_keep_a_hold_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM), tmp_path)
+    rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM))
     rig.arm()
     rig.execute(Trajectory([2.0], [[MID_M + 0.03, *MID[1:]]]))
     for _ in range(10):
@@ -256,7 +255,7 @@ def test_a_full_disk_does_not_keep_a_hold_back(tmp_path: Path, monkeypatch: pyte
 
 
 def test_a_hold_that_is_elsewhere_than_the_board_is_put_right_by_the_last_gate(tmp_path: Path) -> None:
-    rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM), tmp_path)
+    rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM))
     rig.arm()
     rig.execute(Trajectory([2.0], [[MID_M + 0.03, *MID[1:]]]))
     for _ in range(10):
@@ -270,7 +269,7 @@ def test_a_hold_that_is_elsewhere_than_the_board_is_put_right_by_the_last_gate(t
 
 def test_the_last_gate_knows_the_board_by_itself(tmp_path: Path) -> None:
     """Whatever the supervisor believes, a strut that is not there yet is not sent on."""
-    rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM), tmp_path)
+    rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM))
     rig.arm()
     rig.execute(Trajectory([2.0], [[MID_M + 0.03, *MID[1:]]]))
     for _ in range(10):
