@@ -14,6 +14,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from hardware_bridge.board_track import BoardTrack
 from hardware_bridge.calibration import STRUTS
 from hardware_bridge.checks import Rules, check_frame
@@ -378,6 +380,7 @@ class Engine:
                 calibration_hash=self._rules.calibration.hash,
                 robot=self._rules.calibration.robot or "",
                 answered=self.link.has_answered,
+                duty_known=bool(np.isfinite(state.duty.used_s(self.clock.now().robot_s, self._rules.limits)).all()),
                 battery_mv=self.link.battery_mv,
                 duty_left_s=state.duty.left_s(self.clock.now().robot_s, self._rules.limits),
                 frames_sent=count.frames_sent,

@@ -97,6 +97,7 @@ class Snapshot:
         answered: The board has answered since the port was opened.
         battery_mv: Last reply of the board, in [mV]; None before the first.
         duty_left_s: Robot time that the strut that ran longest lately may still run, in [s].
+        duty_known: Somebody knows how long the struts ran lately; else it counts as spent.
         duty_limit_s: Its whole budget within the window, in [s].
         supply_low_v: Servo supply below which no gait is begun, in [V].
         write_latency: How long the port took to take each frame, the last 1200.
@@ -140,6 +141,7 @@ class Snapshot:
     session: str = ""
     robot: str = ""
     answered: bool = False
+    duty_known: bool = True
 
 
 @dataclass(frozen=True)

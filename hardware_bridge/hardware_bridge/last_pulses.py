@@ -20,9 +20,7 @@ from pathlib import Path
 from hardware_bridge import state_file
 from hardware_bridge.errors import StateFileError
 from hardware_bridge.identity import NAMELESS, Identity, record_path
-from hardware_bridge.state_file import UnreadableError, state_directory
-
-__all__ = ["LastPulses", "state_directory"]
+from hardware_bridge.state_file import UnreadableError
 
 _PLAUSIBLE_US = (500, 2500)
 _NO_NAME = "the calibration names no robot, so nothing is remembered of it (a line `robot: NAME` in it gives it a name)"

@@ -26,7 +26,7 @@ def read(path: Path) -> dict[str, object] | None:
     """The object in a file; None: there is no such file. Not-a-number and infinity are no JSON here.
 
     Raises:
-        UnreadableError: It is no plain file, is too large, or holds no JSON object.
+        UnreadableError: It is no plain file of this user, is too large, or holds no JSON object.
     """
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -34,9 +34,10 @@ def read(path: Path) -> dict[str, object] | None:
         return None
     except OSError as error:
         raise UnreadableError(f"{path} cannot be read ({error.strerror})") from error
-    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+    status = os.fstat(descriptor)
+    if not stat.S_ISREG(status.st_mode) or status.st_uid not in (os.geteuid(), 0):
         os.close(descriptor)
-        raise UnreadableError(f"{path} is no plain file")
+        raise UnreadableError(f"{path} is {'of another user' if stat.S_ISREG(status.st_mode) else 'no plain file'}")
     with os.fdopen(descriptor, "rb") as file:
         try:
             text = file.read(LARGEST_BYTES + 1)

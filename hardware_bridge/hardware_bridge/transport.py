@@ -48,6 +48,7 @@ class SerialTransport:
         self._serial: serial.Serial | None = None
         self._lock: PortLock | None = None
         self._descriptor: int | None = None
+        self._opening: threading.Thread | None = None
 
     @property
     def is_open(self) -> bool:
@@ -169,9 +170,14 @@ class SerialTransport:
                 else:
                     opened.append((port, held))
 
-        thread = threading.Thread(target=work, name="open serial port", daemon=True)
-        thread.start()
-        thread.join(self.open_timeout_s)
+        deadline = time.monotonic() + self.open_timeout_s
+        if self._opening is not None:
+            self._opening.join(self.open_timeout_s)  # an attempt that was given up still holds the port
+            if self._opening.is_alive():
+                raise PortMissing(self.port, f"did not open in {self.open_timeout_s:g} s", REMEDY_MISSING)
+        self._opening = threading.Thread(target=work, name="open serial port", daemon=True)
+        self._opening.start()
+        self._opening.join(max(0.0, deadline - time.monotonic()))
         with lock:
             if opened:
                 return opened[0]

@@ -64,6 +64,17 @@ def test_a_pipe_and_a_folder_are_unreadable_at_once(tmp_path: Path) -> None:
             state_file.read(tmp_path / name)
 
 
+def test_another_users_file_is_no_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    state_file.write(tmp_path / "x.json", {"a": 1})
+    other = os.geteuid() + 1
+    if os.geteuid() == 0:
+        os.chown(tmp_path / "x.json", other, -1)
+    else:
+        monkeypatch.setattr(os, "geteuid", lambda: other)
+    with pytest.raises(UnreadableError, match="is of another user"):
+        state_file.read(tmp_path / "x.json")
+
+
 def test_the_folder_follows_the_environment(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("SIXSTRUT_STATE_DIR", str(tmp_path))
     assert state_directory() == tmp_path

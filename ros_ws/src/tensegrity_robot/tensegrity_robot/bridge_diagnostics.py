@@ -116,6 +116,8 @@ def _duty(node: str, snapshot: Snapshot) -> DiagnosticStatus:
     left_s, limit_s = snapshot.duty_left_s, snapshot.duty_limit_s
     spent = left_s <= 0.1 * limit_s
     told = "nearly spent: let the actuators rest" if spent else "enough left"
+    if not snapshot.duty_known:
+        told = "nobody knows how long the struts ran lately, so it counts as spent: let them rest, or give rested_s at the start"
     values = (("duty left [s]", f"{left_s:.1f}"), ("duty budget [s]", f"{limit_s:g}"))
     return _status(f"{node}: duty", WARN if spent else OK, told, snapshot.port, values)
 
