@@ -60,7 +60,7 @@ def chosen_token(file: Path | None) -> str:
         return secrets.token_urlsafe(24)
     if not re.fullmatch(r"[A-Za-z0-9_-]{16,128}", given):
         raise ConsoleError(
-            f"the token in {where} has {len(given)} characters or others than these: {VALID}; leave it out for a new one"
+            f"the token in {where} is too short, too long or has other characters: {VALID}; leave it out for a new one"
         )
     return given
 
@@ -70,13 +70,15 @@ def _read(file: Path) -> str:
         descriptor = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError as error:
         raise ConsoleError(f"--token-file {file}: {error.strerror}; give a file of yours that holds the token") from error
-    with os.fdopen(descriptor, "rb") as opened:
+    try:
         found = os.fstat(descriptor)
         if not stat.S_ISREG(found.st_mode):
             raise ConsoleError(f"--token-file {file} is no regular file: give a file of yours that holds the token")
         if found.st_uid != os.geteuid() or found.st_mode & 0o077:
             raise ConsoleError(f"--token-file {file} can be read or changed by others: chmod 600 it, as its owner")
-        return opened.read(1024).decode("ascii", "replace").strip()
+        return os.read(descriptor, 1024).decode("ascii", "replace").strip()
+    finally:
+        os.close(descriptor)
 
 
 def refuse_on_command_line(value: str | None) -> None:
