@@ -1,4 +1,4 @@
-"""Who may see and ask: the secret, other sites' pages, other names of the machine, guesses, pages that read nothing. Real sockets."""
+"""Who may see and ask: the secret, other sites' pages, other names of the machine, guesses, deaf pages. Real sockets."""
 
 import asyncio
 import json

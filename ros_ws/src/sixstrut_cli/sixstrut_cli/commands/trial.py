@@ -49,6 +49,7 @@ def command(
     sixstrut trial bags/monday --primitives 1-4 --virtual --perturbation 0.1 --seed 3
     sixstrut trial bags/monday --virtual
     """
+    from hardware_bridge.text import NAME_MOST, printable
     from sixstrut_cli.trials.starting import Asked, run
     from sixstrut_cli.trials.starting import experimenter as login
 
@@ -66,5 +67,6 @@ def command(
         "actuators": actuators,
     }
     where = str(calibration or "")
-    asked = Asked(session, plan, experimenter or login(), virtual, port, board, baud, where, time_scale, by_hand, plan_only)
+    who = printable(experimenter or login(), NAME_MOST) or "unknown"
+    asked = Asked(session, plan, who, virtual, port, board, baud, where, time_scale, by_hand, plan_only)
     raise typer.Exit(run(asked))
