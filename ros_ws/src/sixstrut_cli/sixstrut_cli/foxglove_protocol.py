@@ -11,6 +11,7 @@ import json
 import struct
 import threading
 from collections.abc import Awaitable, Callable
+from concurrent.futures import Future
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -224,12 +225,12 @@ class Hub:
         self._loop = asyncio.new_event_loop()
         let_in = {*APPS, *origins}
         self._gate = Gate(token, True, lambda origin, called: origin in let_in or own_page(origin, called))
-        started: asyncio.Future[int] = self._loop.create_future()
+        started: Future[int] = Future()
         self._thread = threading.Thread(target=self._run, args=(host, port, started), name="foxglove", daemon=True)
         self._thread.start()
-        self.url = address("ws", host, asyncio.run_coroutine_threadsafe(_result(started), self._loop).result(), token)
+        self.url = address("ws", host, started.result(), token)
 
-    def _run(self, host: str, port: int, started: asyncio.Future[int]) -> None:
+    def _run(self, host: str, port: int, started: Future[int]) -> None:
         asyncio.set_event_loop(self._loop)
         tornado.ioloop.IOLoop.current()
         try:
@@ -237,7 +238,8 @@ class Hub:
             started.set_result(number)
         except Exception as error:
             started.set_exception(error)
-        self._loop.run_forever()
+        else:
+            self._loop.run_forever()
 
     def close(self) -> None:
         """Let the apps go, and of the port."""
@@ -309,7 +311,3 @@ class Hub:
                 for number, one in self.services.items()
             ],
         }
-
-
-async def _result(future: asyncio.Future[int]) -> int:
-    return await future

@@ -203,7 +203,7 @@ function trial(shown) {
   text("trialQuestion", shown.trouble || shown.question || shown.phase);
   const rate = shown.done ? `, ${Math.round((100 * shown.successes) / shown.done)} % succeeded` : "";
   text("trialDone", `${shown.done} of ${shown.total} done${rate}. ${shown.last}`);
-  const keys = (shown.keys || "").split("   ").map((part) => part.trim()).filter((part) => part && !part.startsWith("space ")).map((part) => [part.split(" ")[0], part.slice(part.indexOf(" ") + 1)]);
+  const keys = String(shown.keys || "").split("   ").map((part) => part.trim()).filter((part) => part && !part.startsWith("space ")).map((part) => [part.split(" ")[0], part.slice(part.indexOf(" ") + 1)]);
   if ($("trialKeys").dataset.shown === shown.keys) return;
   $("trialKeys").dataset.shown = shown.keys || "";
   $("trialKeys").replaceChildren(...keys.map(([key, meaning]) => {
