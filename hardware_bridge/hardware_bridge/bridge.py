@@ -30,6 +30,7 @@ from hardware_bridge.records import Records
 from hardware_bridge.shape_memory import ShapeMemory
 from hardware_bridge.state_file import state_directory
 from hardware_bridge.streamer import Streamer
+from hardware_bridge.text import NAME_MOST, printable
 from hardware_bridge.trajectory import Trajectory
 from hardware_bridge.transport import SerialTransport
 from hardware_bridge.virtual_port import Handshake, agree_on_board, agree_on_time_scale, read_handshake
@@ -320,7 +321,7 @@ class Bridge:
             raise ParameterError("source", repr(source), ", ".join(SOURCES))
         with self._engine.lock:
             self._require_open("observe_face")
-            return self._engine.emit_face(face, source, settled, detail)
+            return self._engine.emit_face(face, source, settled, printable(detail))
 
     def snapshot(self) -> Snapshot:
         """The bridge now, in any state."""
@@ -374,4 +375,4 @@ class Bridge:
 
 def _arming(holder: str, clear: bool, token: str, confirmed_m: Sequence[float | None] | None) -> Arm:
     given = () if confirmed_m is None else tuple(confirmed_m)
-    return Arm(holder, clear, token, given or (None,) * len(STRUTS))
+    return Arm(printable(holder, NAME_MOST) or "somebody", clear, token, given or (None,) * len(STRUTS))

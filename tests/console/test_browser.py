@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import signal
 from pathlib import Path
 
 import pytest
-from playwright.sync_api import TimeoutError
 
 from sixstrut_cli.faults.client import LATCHED
 from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
+from tests.console.conftest import TOKEN, until
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.timeout(500)]
 SIZE = {"width": 1280, "height": 800}
 LIMIT_MS = 90_000
 PICTURES = os.environ.get("SIXSTRUT_PICTURES", "")
@@ -31,21 +32,27 @@ class Stage:
     def __init__(self, processes, operator, chromium):
         self.processes, self.operator = processes, operator
         self.console = self._console("0")
-        self.port = re.search(r"console: http://127\.0\.0\.1:(\d+)/", self.console.output)[1]
+        self.url, self.port = re.search(r"console: (http://127\.0\.0\.1:(\d+)/\S+)", self.console.output).groups()
         self.elsewhere = []
         self.page = chromium.new_page(viewport=SIZE)
         self.page.set_default_timeout(LIMIT_MS)
         self.page.on("request", self._look)
-        self.page.goto(f"http://127.0.0.1:{self.port}/")
+        self.page.goto(self.url)
 
     def _look(self, request):
         if not request.url.startswith((f"http://127.0.0.1:{self.port}/", "data:", "blob:", "about:")):
             self.elsewhere.append(request.url)
 
     def _console(self, port):
-        console = self.processes.command("console", "--port", port)
+        console = self.processes.command("console", "--port", port, "--token-file", str(self._token_file()))
         console.says("console: http://127.0.0.1:", limit_s=60.0)
         return console
+
+    def _token_file(self):
+        file = Path(self.processes.folder) / "token"
+        file.touch(mode=0o600)
+        file.write_text(TOKEN)
+        return file
 
     def restart(self):
         """The server of the page, on the same port."""
@@ -53,10 +60,10 @@ class Stage:
 
     def shows(self, selector, words):
         """Wait until an element's text holds the words."""
-        holds = "([selector, words]) => document.querySelector(selector).textContent.includes(words)"
+        holds = f"document.querySelector({json.dumps(selector)}).textContent.includes({json.dumps(words)})"
         try:
-            self.page.wait_for_function(holds, arg=[selector, words])
-        except TimeoutError as error:
+            until(self.page, holds, words, LIMIT_MS / 1000)
+        except AssertionError as error:
             self.picture("failed.png")
             seen = self.page.inner_text("body")
             raise AssertionError(f"{selector} did not show {words!r}: {seen}\n{self.console.output}") from error
@@ -133,7 +140,7 @@ def test_a_face_is_selected_foretold_and_rolled_to(stage):
 
 
 def test_a_click_on_the_floor_in_3d_selects_a_place_and_travels_there(stage):
-    stage.page.wait_for_function("document.querySelector('#scene').contentDocument.querySelector('canvas') !== null")
+    until(stage.page, "document.querySelector('#scene').contentDocument.querySelector('canvas') !== null", "the 3D view")
     box = stage.page.locator("#scene").bounding_box()
 
     def clicked():
@@ -201,7 +208,7 @@ def test_a_server_that_hangs_is_lost_too(stage):
 def test_it_says_that_the_server_is_lost_and_comes_back_with_it(stage):
     stage.console.kill()
     stage.page.wait_for_selector("#lost:visible")
-    assert "use the switch in its servo supply" in stage.page.inner_text("#lost")
+    assert "No connection: use the power switch" in stage.page.inner_text("#lost")
     stage.restart()
     stage.page.wait_for_selector("#lost", state="hidden")
     stage.shows("#state", "DISARMED")

@@ -43,15 +43,31 @@ def test_a_click_on_a_neighbouring_face_selects_it(ground, facts):
     assert {n.face for n in neighbours} == set(NEIGHBOURS["TC6"])
     for neighbour in neighbours:
         middle = neighbour.corners_m.mean(axis=0)
-        assert ground.clicked(facts, *ray_to(*middle)) == Selection(neighbour.face)
+        assert ground.clicked(facts, *ray_to(*middle)) == Selection(neighbour.face, stood="TC6")
 
 
 def test_a_click_elsewhere_on_the_floor_selects_the_place_and_above_the_horizon_nothing(ground, facts):
-    assert ground.clicked(facts, *ray_to(1.0, -0.5)) == Selection("", (1.0, -0.5))
+    assert ground.clicked(facts, *ray_to(1.0, -0.5)) == Selection("", (1.0, -0.5), "TC6")
     assert ground.clicked(facts, np.array((0.0, 0.0, 0.5)), np.array((1.0, 0.0, 0.1))) == Selection()
     nowhere = Facts(joints_m=facts.joints_m)
     assert ground.stance(nowhere) is None
     assert ground.clicked(nowhere, *ray_to(0.0, 0.0)) == Selection("", (0.0, 0.0)), "on no face there is no roll"
+
+
+def test_a_click_with_numbers_that_are_none_or_beyond_the_floor_selects_nothing(ground, facts):
+    eye, down = np.array((0.0, 0.0, 0.5)), np.array((0.0, 0.0, -1.0))
+    for where, ray in ((eye * np.nan, down), (eye, down * np.inf), (eye, down * np.nan), (eye, np.array((1.0, 0.0, -1e-5)))):
+        assert ground.clicked(facts, where, ray) == Selection()
+
+
+def test_no_number_that_is_none_is_told_to_a_page():
+    nan, inf = math.nan, math.inf
+    facts = Facts(
+        goal_m=(nan, inf), predicted="TC6", roll={"progress": nan}, rehearsal={"source": "TC6", "gaits": [{"odds": inf}]},
+        strut_n=np.full(6, nan), duty_left_s=inf, trial={"done": nan},
+    )  # fmt: skip
+    text = json.dumps(document_of(facts, Selection("", (nan, 0.0)), 0.0), allow_nan=False)
+    assert json.loads(text)["goal_m"] == [None, None]
 
 
 def test_a_neighbour_shares_an_edge_with_the_face_stood_on(ground, facts):

@@ -24,7 +24,7 @@ def test_a_person_judges_in_the_browser(tmp_path, domain, processes, chromium):
         console.says("console: http://127.0.0.1:", limit_s=60.0)
         page = chromium.new_page(viewport={"width": 1280, "height": 800})
         page.set_default_timeout(LIMIT_MS)
-        page.goto(re.search(r"http://127\.0\.0\.1:\d+/", console.output)[0])
+        page.goto(re.search(r"http://127\.0\.0\.1:\d+/\S+", console.output)[0])
 
         def offers(key):
             person.reads_until(lambda: page.is_visible(f"#trialKeys button[data-key='{key}']"), limit_s=150)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 import struct
 import time
 from typing import Any
@@ -11,24 +10,23 @@ from typing import Any
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
-from websockets.typing import Subprotocol
+from websockets.typing import Origin, Subprotocol
 
 PROTOCOL = Subprotocol("foxglove.sdk.v1")
 LIMIT_S = 30.0
-_UNKNOWN = re.compile(r"Unknown channel ID: (\d+)")
 _MESSAGE, _RESPONSE = 1, 3
 _PUBLISH, _CALL = 1, 2
 
 
 class App:
-    """Keeps what the server told; every wait has a limit.
+    """Keeps what the server told; every wait has a limit. It reads only while it waits for something.
 
     Attributes:
         channels: topic -> channel. services: name -> service. statuses: texts of warnings.
     """
 
-    def __init__(self, url: str):
-        self._socket = connect(url, subprotocols=[PROTOCOL], max_size=None)
+    def __init__(self, url: str, origin: str | None = None):
+        self._socket = connect(url, subprotocols=[PROTOCOL], max_size=None, origin=Origin(origin) if origin else None)
         self.channels: dict[str, dict[str, Any]] = {}
         self.services: dict[str, dict[str, Any]] = {}
         self.statuses: list[str] = []
@@ -39,6 +37,10 @@ class App:
 
     def close(self) -> None:
         self._socket.close()
+
+    def say_raw(self, data: str | bytes) -> None:
+        """Whatever it is."""
+        self._socket.send(data)
 
     def until(self, condition: Any, what: str, limit_s: float = LIMIT_S) -> None:
         """Read until something is so."""
@@ -71,11 +73,7 @@ class App:
         elif told["op"] == "advertiseServices":
             self.services |= {service["name"]: service for service in told["services"]}
         elif told["op"] == "status":
-            unknown = _UNKNOWN.match(told["message"])
-            if unknown:  # foxglove-sdk 0.30 tells of a channel just before it knows it; an app is never so quick as this one
-                self._subscribe(int(unknown[1]))
-            else:
-                self.statuses.append(told["message"])
+            self.statuses.append(told["message"])
         elif told["op"] == "serviceCallFailure":
             self._answers[told["callId"]] = told["message"]
 

@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+from urllib.parse import urlsplit
 
 import pytest
 import rclpy
@@ -18,22 +19,27 @@ from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
+from websockets.exceptions import InvalidStatus
+from websockets.sync.client import connect
 
 from hardware_bridge.bag_reader import read_session
 from hardware_bridge.schemas import ShareSchemas
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.foxglove_server import FoxgloveServer
+from sixstrut_cli.guarded import MOST_UNSENT
 from sixstrut_cli.spinner import Spinner
 from sixstrut_cli.stack import wait_until
+from tensegrity_interfaces.msg import LeaseProof
 from tensegrity_interfaces.srv import Arm
 from tensegrity_robot import qos
 from tensegrity_robot.cdr import wire_bytes
 from tests.ros.conftest import compiled, domain
 from tests.ros.test_viewers import viewed_topics
-from tests.sixstrut_cli.foxglove_client import App
+from tests.sixstrut_cli.foxglove_client import PROTOCOL, App
 
 __all__ = ["compiled", "domain"]
 pytestmark = pytest.mark.ros
+TOKEN = "a-token-of-tests"
 NOTHING = b"\x00\x01\x00\x00"
 """An empty request as an app encodes it: the encapsulation alone."""
 
@@ -69,8 +75,8 @@ def opened(world):
     """Opens servers and apps, and closes them."""
     closing = []
 
-    def server(commands=False, port=0):
-        one = FoxgloveServer(port, commands)
+    def server(commands=False, port=0, origins=()):
+        one = FoxgloveServer(port, commands, TOKEN, origins)
         closing.append(one)
         return one
 
@@ -132,7 +138,9 @@ def test_with_commands_goals_pass_and_the_other_services_are_there(world, opened
     wait_until(lambda: world.count_publishers("goal_pose") == 1, 10.0, "the publisher of goals")
     viewer.publish("/goal_pose", "geometry_msgs/PoseStamped", wire_bytes(goal))
     wait_until(lambda: len(world.came) == 2, 10.0, "the goal")
-    assert world.came[1] == goal
+    assert world.came[1].pose == goal.pose
+    assert world.came[1].header.frame_id == "odom"
+    assert world.came[1].header.stamp.sec > 0, "a panel's text holds no time: it was asked for when it came"
 
 
 @pytest.mark.parametrize(
@@ -143,7 +151,7 @@ def test_with_commands_goals_pass_and_the_other_services_are_there(world, opened
             "/goal_pose",
             "geometry_msgs/msg/Twist",
             NOTHING,
-            "/goal_pose is geometry_msgs/PoseStamped in cdr, not geometry_msgs/Twist",
+            "/goal_pose is geometry_msgs/PoseStamped in cdr, not geometry_msgs/Twist in cdr",
         ),
         ("/goal_pose", "geometry_msgs/msg/PoseStamped", b"\x00\x01", "no pose came on /goal_pose"),
     ],
@@ -154,6 +162,91 @@ def test_whatever_else_an_app_publishes_is_refused_with_a_word(world, opened, to
     viewer.publish(topic, schema, data)
     viewer.until(lambda: any(told in words for words in viewer.statuses), "a warning")
     assert world.came == []
+
+
+@pytest.mark.parametrize(
+    ("path", "origin", "host"),
+    [
+        ("/", None, None),
+        ("/?token=" + TOKEN, None, None),
+        ("/a-token-of-guesses", None, None),
+        (f"/{TOKEN}/", "http://127.0.0.1:1", None),  # another user's page, at another port of the same host
+        (f"/{TOKEN}/", "https://elsewhere.example", None),
+        (f"/{TOKEN}/", "null", None),
+        (f"/{TOKEN}/", None, "rebound.example"),
+        (f"/{TOKEN}/", "http://rebound.example", "rebound.example"),
+    ],
+)
+def test_who_was_not_let_in_reads_nothing_and_stops_nothing(world, opened, path, origin, host):
+    server, _ = opened
+    place = urlsplit(server(commands=True).url)
+    with pytest.raises(InvalidStatus) as refused:
+        connect(
+            f"ws://{host or place.hostname}:{place.port}{path}",
+            sock=socket.create_connection((place.hostname, place.port)),
+            origin=origin,
+            subprotocols=[PROTOCOL],
+        )
+    assert refused.value.response.status_code == 403
+    assert "Access-Control-Allow-Origin" not in refused.value.response.headers
+    assert world.came == []
+
+
+@pytest.mark.parametrize("origin", ["https://app.foxglove.dev", "file://", "http://localhost:8123", None])
+def test_foxglove_s_own_pages_and_those_that_were_named_are_let_in_by_the_address(world, opened, origin):
+    server, _ = opened
+    app = App(server(origins=("http://localhost:8123",)).url, origin)
+    app.until(lambda: "/stop" in app.services, "the services")
+    app.close()
+
+
+def test_a_lease_leaves_on_no_topic_and_in_no_answer(world, opened):
+    server, app = opened
+
+    def grant(request, response):
+        response.success, response.lease, response.message = True, "the right to command", "granted"
+        return response
+
+    world.create_service(Arm, "arm", grant)
+    world.create_publisher(LeaseProof, "bridge/lease", qos.STATES)
+    world.create_publisher(String, "words", qos.STATES)
+    viewer = app(server(commands=True))
+    answer = deserialize_message(viewer.call("/arm", wire_bytes(Arm.Request())), Arm.Response)
+    assert (answer.success, answer.message, answer.lease) == (True, "granted", "")
+    viewer.until(lambda: "/words" in viewer.channels, "a topic that is offered")
+    assert "/bridge/lease" not in viewer.channels
+
+
+def test_an_app_that_reads_nothing_is_let_go_and_the_others_go_on(world, opened, monkeypatch):
+    """Without bounds the server would keep for it whatever is published."""
+    monkeypatch.setattr("sixstrut_cli.guarded.PING_S", 1.0)
+    server, app = opened
+    publisher = world.create_publisher(String, "stream", qos.STATES)
+    served = server()
+    deaf, viewer = app(served), app(served)
+    for one in (deaf, viewer):
+        one.subscribe("/stream")
+    wait_until(lambda: publisher.get_subscription_count() == 1, 10.0, "a subscription")
+    large = String(data="x" * 500_000)
+    kept = lambda: max((one.unsent for one in served._hub.apps), default=0)  # noqa: E731
+    peak = 0
+    for _ in range(60):
+        publisher.publish(large)
+        assert viewer.newest("/stream").data == large.data
+        peak = max(peak, kept())
+    assert 0 < peak < MOST_UNSENT + 1_000_000
+    answer = deserialize_message(viewer.call("/stop", NOTHING), Trigger.Response)
+    assert answer.success
+    wait_until(lambda: len(served._hub.apps) == 1, 60.0, "the end of the one that does not read")
+
+
+def test_what_is_not_the_protocol_is_refused_with_a_word_and_ends_nothing(world, opened):
+    server, app = opened
+    viewer = app(server(commands=True))
+    for data in ("{", "[]", '{"op": "subscribe", "subscriptions": 1}', "[" * 5000, b"", b"\x02\x01", b"\x01\x00", b"\xff"):
+        viewer.say_raw(data)
+    assert deserialize_message(viewer.call("/stop", NOTHING), Trigger.Response).success
+    assert world.came == ["stop"]
 
 
 def test_a_service_that_nobody_offers_says_so(world, opened):

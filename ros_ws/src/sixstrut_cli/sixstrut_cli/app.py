@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import importlib
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
@@ -33,6 +34,8 @@ EXIT_INTERRUPTED = 130
 # Base classes of errors that say all there is to say. By name: importing them here would import numpy at each start.
 EXPECTED_ERRORS = frozenset({"sim_core.errors.SimError", "hardware_bridge.errors.BridgeError"})
 
+_STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""What would steer a terminal."""
 _SETTINGS = {"help_option_names": ["--help", "-h"]}
 
 
@@ -55,7 +58,8 @@ def run(arguments: Sequence[str]) -> int:
     except Exception as error:
         if debugging(arguments):
             raise
-        print(f"error: {_describe(error)}", file=sys.stderr)
+        words = _STEERING.sub("", _describe(error))  # a file's text may be in it
+        print(f"error: {words}", file=sys.stderr)
         return EXIT_FAILED
     return 0
 

@@ -1,21 +1,20 @@
 """The running stack at a WebSocket of this machine, for the Foxglove app: what `foxglove_bridge` does where ROS is installed.
 
-Every topic is offered with its definition, and subscribed to only while somebody looks. Any program on this machine may open the
-socket, also a page in a browser, so without `commands` it takes one thing only: the stop.
+Every topic is offered with its definition, and subscribed to only while somebody looks. The address holds a secret; who has it may
+look and stop, and with `commands` also send goals, arm, disarm and reset. No lease leaves it.
 """
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import threading
+import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import foxglove
 import rclpy
-from foxglove import Channel, MessageSchema, Schema, Service, ServiceRequest, ServiceSchema
-from foxglove.websocket import Capability, ChannelView, Client, ClientChannel, ServerListener, StatusLevel
 from geometry_msgs.msg import PoseStamped
 from rclpy.context import Context
 from rclpy.node import Node
@@ -27,7 +26,9 @@ from std_srvs.srv import Trigger
 
 from hardware_bridge.errors import SchemaError
 from hardware_bridge.schemas import ShareSchemas
-from sixstrut_cli.errors import StackError
+from hardware_bridge.text import printable
+from sixstrut_cli.errors import ConsoleError, StackError
+from sixstrut_cli.foxglove_protocol import ENCODING, Half, Hub, Service, Told
 from sixstrut_cli.ros_types import message_class
 from sixstrut_cli.spinner import Spinner
 from sixstrut_cli.stack import Stack
@@ -36,21 +37,21 @@ from tensegrity_robot import qos
 from tensegrity_robot.cdr import wire_bytes
 from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
-HOST = "127.0.0.1"
-"""Always: the socket knows no password."""
-ENCODING = "cdr"
 GOAL = "goal_pose"
 STOP = "stop"
 COMMANDS: dict[str, Any] = {"reset": Trigger, "arm": Arm, "disarm": Disarm}
 HIDDEN = "/_"
 """Of an action's inner topics."""
+PROOFS = "tensegrity_interfaces/msg/LeaseProof"
+"""Whose business they are, the bridge knows; nobody needs to look."""
+MOST_TOPICS = 500
 DISCOVER_S = 0.5
 ATTEND_S = 0.1
 DEPTH = 100
 FOUND_LIMIT_S = 2.0
 """For a service that has just come up, or this node."""
 ANSWER_LIMIT_S = 5.0
-LOOK_S = 0.5
+LOOK_S, AGAIN_S = 0.5, 0.02
 ARM_LIMIT_S = 40.0
 """A bridge just started loads its judge of shapes before it answers."""
 
@@ -77,19 +78,21 @@ def wait_for_end(processes: Stack | None) -> None:
 
 
 class _Offered(NamedTuple):
-    """A topic that the app can see."""
+    """A topic that the app can see. `number`: of its channel."""
 
-    channel: Channel
+    number: int
     kind: Any
     latched: bool
 
 
-class FoxgloveServer(ServerListener):
+class FoxgloveServer:
     """A socket at 127.0.0.1 that speaks Foxglove's protocol, and two nodes: one for the services, so that no topic delays a stop.
 
     Args:
         port: TCP; 0: any free one.
         commands: also take goals (`goal_pose`), reset, arm and disarm.
+        token: what the address holds.
+        origins: of web pages that may connect, beside Foxglove's own app.
 
     Raises:
         StackError: the port is taken.
@@ -98,16 +101,14 @@ class FoxgloveServer(ServerListener):
         url: to connect to.
     """
 
-    def __init__(self, port: int, commands: bool):
+    def __init__(self, port: int, commands: bool, token: str, origins: tuple[str, ...] = ()):
         os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self._schemas = ShareSchemas()
         self._lock = threading.Lock()
         self._joined: set[str] = set()
-        self._goals: set[tuple[int, int]] = set()
         self._offered: dict[str, _Offered] = {}
         self._unknown: set[str] = set()
         self._heard: dict[str, Subscription] = {}
-        self._foxglove = foxglove.Context()
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node("foxglove", context=self._context)
@@ -115,29 +116,20 @@ class FoxgloveServer(ServerListener):
         self._goal_topic = self._node.resolve_topic_name(GOAL)
         self._goal = self._node.create_publisher(PoseStamped, GOAL, qos.STATES) if commands else None
         kinds = {STOP: Trigger, **(COMMANDS if commands else {})}
-        capabilities = [Capability.Services, *([Capability.ClientPublish] if commands else [])]
+        services = [self._service(asking, name, kind) for name, kind in kinds.items()]
         try:
-            self._server = foxglove.start_server(
-                name="sixstrut",
-                host=HOST,
-                port=port,
-                capabilities=capabilities,
-                server_listener=self,
-                supported_encodings=[ENCODING],
-                services=[self._service(asking, name, kind) for name, kind in kinds.items()],
-                context=self._foxglove,
-            )
-        except (OSError, RuntimeError) as error:
+            self._hub = Hub(port, token, origins, services, commands, Told(self._looked, self._published))
+        except ConsoleError as error:
             rclpy.try_shutdown(context=self._context)
-            raise StackError(f"cannot listen on {HOST}:{port} ({error}): give another --port") from error
-        self.url = f"ws://{HOST}:{self._server.port}"
+            raise StackError(str(error)) from error
+        self.url = self._hub.url
         self._node.create_timer(DISCOVER_S, self._discover)
         self._node.create_timer(ATTEND_S, self._attend)
         self._spinners = [Spinner(self._node, self._context), Spinner(asking, self._context)]
 
     def close(self) -> None:
         """Let the app go, and leave ROS."""
-        self._server.stop()
+        self._hub.close()
         for spinner in self._spinners:
             spinner.close()
         rclpy.try_shutdown(context=self._context)
@@ -147,7 +139,8 @@ class FoxgloveServer(ServerListener):
     def _discover(self) -> None:
         """Offer what is new."""
         for topic, types in self._node.get_topic_names_and_types():
-            if topic not in self._offered and topic not in self._unknown and HIDDEN not in topic:
+            known = topic in self._offered or topic in self._unknown or len(self._offered) + len(self._unknown) >= MOST_TOPICS
+            if not known and HIDDEN not in topic and types[0] != PROOFS:
                 self._offer(topic, types[0])
 
     def _attend(self) -> None:
@@ -155,7 +148,7 @@ class FoxgloveServer(ServerListener):
         with self._lock:
             joined, self._joined = self._joined, set()
         for topic, offered in self._offered.items():
-            watched = offered.channel.has_sinks()
+            watched = self._hub.watched(offered.number)
             again = watched and offered.latched and topic in joined  # so that who looks later is told the last one, too
             if topic in self._heard and (again or not watched):
                 self._node.destroy_subscription(self._heard.pop(topic))
@@ -173,10 +166,8 @@ class FoxgloveServer(ServerListener):
             self._unknown.add(topic)
             self._node.get_logger().warning(f"{topic} is not shown: {error}")
             return
-        schema = Schema(name=type_name, encoding="ros2msg", data=text.encode())
         latched = all(each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in publishers)
-        channel = Channel(topic, schema=schema, message_encoding=ENCODING, context=self._foxglove)
-        self._offered[topic] = _Offered(channel, kind, latched)
+        self._offered[topic] = _Offered(self._hub.offer(topic, Half(type_name, text)), kind, latched)
 
     def _listen(self, topic: str, offered: _Offered) -> Subscription:
         profile = QoSProfile(
@@ -187,14 +178,14 @@ class FoxgloveServer(ServerListener):
         )
 
         def tell(data: bytes) -> None:
-            offered.channel.log(data, log_time=self._node.get_clock().now().nanoseconds)
+            self._hub.tell(offered.number, self._node.get_clock().now().nanoseconds, data)
 
         return self._node.create_subscription(offered.kind, topic, tell, profile, raw=True)
 
-    def on_subscribe(self, client: Client, channel: ChannelView) -> None:
-        """Somebody looks."""
+    def _looked(self, topic: str) -> None:
+        """An app begins to look; in the server's thread."""
         with self._lock:
-            self._joined.add(channel.topic)
+            self._joined.add(topic)
 
     # ---- services ---------------------------------------------------------------------------------------------------
 
@@ -202,53 +193,65 @@ class FoxgloveServer(ServerListener):
         client, full_name = node.create_client(kind, name), node.resolve_service_name(name)
         type_name = f"{kind.__module__.split('.')[0]}/srv/{kind.__name__}"
         halves = zip(("Request", "Response"), self._schemas.service_texts(type_name), strict=True)
-        request, response = (
-            MessageSchema(encoding=ENCODING, schema=Schema(name=f"{type_name}_{half}", encoding="ros2msg", data=text.encode()))
-            for half, text in halves
-        )
+        request, response = (Half(f"{type_name}_{half}", text) for half, text in halves)
         limit_s = ARM_LIMIT_S if kind is Arm else ANSWER_LIMIT_S
 
-        def handle(call: ServiceRequest) -> bytes:
-            if not client.wait_for_service(timeout_sec=FOUND_LIMIT_S):
-                raise RuntimeError(f"nobody offers {full_name}: is the stack running?")
+        async def call(payload: bytes) -> bytes:
+            until = time.monotonic() + FOUND_LIMIT_S
+            while not client.service_is_ready():
+                if time.monotonic() > until:
+                    raise RuntimeError(f"nobody offers {full_name}: is the stack running?")
+                await asyncio.sleep(AGAIN_S)
             empty = not kind.Request.get_fields_and_field_types()  # an app sends no byte for it, ROS expects one
-            asked = kind.Request() if empty else deserialize_message(call.payload, kind.Request)
-            answered = threading.Event()
-            future = client.call_async(asked)
-            future.add_done_callback(lambda _: answered.set())
-            if not answered.wait(limit_s):
-                client.remove_pending_request(future)
-                raise RuntimeError(f"{full_name} did not answer within {limit_s:g} s")
-            return wire_bytes(future.result())
+            asked = kind.Request() if empty else deserialize_message(payload, kind.Request)
+            return _without_lease(await _answered(client, asked, full_name, limit_s))
 
-        return Service(name=full_name, schema=ServiceSchema(type_name, request=request, response=response), handler=handle)
+        return Service(full_name, type_name, request, response, call, urgent=name == STOP)
 
     # ---- goals ------------------------------------------------------------------------------------------------------
 
-    def on_client_advertise(self, client: Client, channel: ClientChannel) -> None:
-        """An app wants to publish: only goals are taken."""
-        kind = channel.schema_name.replace("/msg/", "/")
-        if channel.topic == self._goal_topic and kind == "geometry_msgs/PoseStamped" and channel.encoding == ENCODING:
-            self._goals.add((client.id, channel.id))
-        elif channel.topic == self._goal_topic:
-            self._complain(f"{channel.topic} is geometry_msgs/PoseStamped in {ENCODING}, not {kind} in {channel.encoding}")
+    def _published(self, topic: str, schema: str, encoding: str, data: bytes) -> str:
+        """A goal is passed on; the traveller judges it. Everything else is not taken. In the server's thread."""
+        why_not = self._goal_of(topic, schema.replace("/msg/", "/"), encoding, data)
+        if why_not:
+            self._node.get_logger().warning(why_not)
+        return why_not
 
-    def on_client_unadvertise(self, client: Client, client_channel_id: int) -> None:
-        """It will publish no more."""
-        self._goals.discard((client.id, client_channel_id))
-
-    def on_message_data(self, client: Client, client_channel_id: int, data: bytes) -> None:
-        """A goal, passed on; the traveller judges it."""
-        if self._goal is None or (client.id, client_channel_id) not in self._goals:
-            self._complain(f"only goals on {self._goal_topic} are taken; nothing was done")
-            return
+    def _goal_of(self, topic: str, schema: str, encoding: str, data: bytes) -> str:
+        if self._goal is None or topic != self._goal_topic:
+            return f"only goals on {self._goal_topic} are taken{'' if self._goal else ', with --commands'}; nothing was done"
+        if schema != "geometry_msgs/PoseStamped" or encoding != ENCODING:
+            return printable(f"{self._goal_topic} is geometry_msgs/PoseStamped in {ENCODING}, not {schema} in {encoding}")
         try:
             goal = deserialize_message(data, PoseStamped)
         except Exception as error:  # whatever a type support says of bytes that are no pose
-            self._complain(f"no pose came on {self._goal_topic}: {error}")
-            return
+            return printable(f"no pose came on {self._goal_topic}: {error}")
+        if goal.header.stamp.sec == 0:  # a panel sends what stands in its text; it was asked for now
+            goal.header.stamp = self._node.get_clock().now().to_msg()
         self._goal.publish(goal)
+        return ""
 
-    def _complain(self, words: str) -> None:
-        self._node.get_logger().warning(words)
-        self._server.publish_status(words, StatusLevel.Warning)
+
+async def _answered(client: Any, asked: Any, name: str, limit_s: float) -> Any:
+    """A service's response. Raises RuntimeError."""
+    loop = asyncio.get_running_loop()
+    answer: asyncio.Future[Any] = loop.create_future()
+    future = client.call_async(asked)
+    future.add_done_callback(lambda done: loop.call_soon_threadsafe(_settle, answer, done))
+    try:
+        return await asyncio.wait_for(answer, limit_s)
+    except TimeoutError as error:
+        client.remove_pending_request(future)
+        raise RuntimeError(f"{name} did not answer within {limit_s:g} s") from error
+
+
+def _settle(answer: asyncio.Future[Any], done: Any) -> None:
+    if not answer.done():
+        answer.set_result(done.result())
+
+
+def _without_lease(response: Any) -> bytes:
+    """The response in CDR; what gives the right to command goes to nobody out here."""
+    if hasattr(response, "lease"):
+        response.lease = ""
+    return wire_bytes(response)

@@ -19,6 +19,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
+from hardware_bridge.text import printable
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.stack import Stack, wait_until
 from tensegrity_interfaces.action import Roll, Travel
@@ -26,6 +27,7 @@ from tensegrity_interfaces.msg import BridgeState, FaceObservation, TrialRecord,
 from tensegrity_interfaces.srv import Arm, Disarm, LogTrial, SetFace
 from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
+LONGEST_WORDS = 2000
 DISCOVERY_LIMIT_S = 30.0
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -77,7 +79,7 @@ class Operator:
         return lambda message: setattr(self, name, message)
 
     def _keep_bridge(self, message: Any) -> None:
-        self.bridge_before, self.bridge, self.heard = self.bridge, message, time.monotonic()
+        self.bridge_before, self.bridge, self.heard = self.bridge, _shown(message), time.monotonic()
 
     def _keep_joints(self, name: str) -> Callable[[PoseArray], None]:
         def keep(message: PoseArray) -> None:
@@ -186,7 +188,7 @@ class Operator:
         if not handle.accepted:
             raise StackError(f"the {name} was rejected: another one is running; cancel that first")
         try:
-            return self._called(handle.get_result_async, limit_s, f"the end of the {name}", watch).result
+            return _shown(self._called(handle.get_result_async, limit_s, f"the end of the {name}", watch).result)
         except KeyboardInterrupt:
             self._called(handle.cancel_goal_async, 10.0, "an answer to cancel")
             raise
@@ -205,7 +207,7 @@ class Operator:
             return bool(future.done())
 
         wait_until(done, limit_s, what, self._stack)
-        return future.result()
+        return _shown(future.result())
 
     def distance_m(self) -> tuple[float, float] | None:
         """Mean and largest distance between the twin's and the observed joints now; None if there is no observer."""
@@ -214,3 +216,11 @@ class Operator:
             return None
         apart = np.linalg.norm(twin - seen, axis=1)
         return float(apart.mean()), float(apart.max())
+
+
+def _shown(message: Any) -> Any:
+    """The same with its words fit for a terminal, whoever sent them."""
+    for name in ("message", "reason", "lease_holder", "state"):
+        if isinstance(words := getattr(message, name, None), str):
+            setattr(message, name, printable(words, LONGEST_WORDS))
+    return message

@@ -37,6 +37,11 @@ def executable(package: str, name: str) -> Path:
     return path
 
 
+def _private(path: str, flags: int) -> int:
+    """For `open`: a file that is this user's alone."""
+    return os.open(path, flags, 0o600)
+
+
 def ros_arguments(parameters: Mapping[str, object]) -> list[str]:
     """`--ros-args -p name:=value …`."""
     words = ["--ros-args"]
@@ -61,7 +66,7 @@ class Stack:
 
     def start(self, name: str, command: Sequence[str | Path], environ: Mapping[str, str] | None = None) -> None:
         """Start a process; its output goes to <log folder>/<name>.log. Args: environ: beside what this process has."""
-        with (self.log_folder / f"{name}.log").open("wb") as log:
+        with open(self.log_folder / f"{name}.log", "wb", opener=_private) as log:  # a console's holds its address
             self._children[name] = subprocess.Popen(
                 [sys.executable, "-I", "-S", "-c", _LAUNCH, str(os.getpid()), *(str(word) for word in command)],
                 stdin=subprocess.DEVNULL,

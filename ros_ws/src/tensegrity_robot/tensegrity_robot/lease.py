@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from hardware_bridge.proofs import Prover
+from hardware_bridge.text import NAME_MOST, printable
 from tensegrity_interfaces.msg import BridgeState, LeaseProof
 from tensegrity_interfaces.srv import Arm, Disarm
 from tensegrity_robot import qos
@@ -70,6 +71,7 @@ class Lease:
             self._node.get_logger().warning(f"the lease is lost: {reason}")
 
     async def _on_arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
+        request.holder = printable(request.holder, NAME_MOST)  # as the bridge will show it
         if not request.holder:
             request.holder = self._node.get_fully_qualified_name().lstrip("/")
         answer = await self._call(self._bridge_arm, request, JUDGING_LIMIT_S)

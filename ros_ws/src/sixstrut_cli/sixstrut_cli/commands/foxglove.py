@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Annotated
@@ -19,6 +18,8 @@ from sixstrut_cli.commands.options import (
     PerturbationOption,
     SeedOption,
     TimeScaleOption,
+    TokenFileOption,
+    TokenOption,
     VirtualOption,
 )
 
@@ -27,6 +28,9 @@ def command(
     virtual: VirtualOption = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port on this machine; 0: any free one.")] = 8765,
     commands: Annotated[bool, typer.Option("--commands", help="Also take goals, arm, disarm and reset; else only stop.")] = False,
+    origin: Annotated[list[str] | None, typer.Option(help="A web page that may connect beside Foxglove's own; repeatable.")] = None,
+    token_file: TokenFileOption = None,
+    token: TokenOption = None,
     seed: SeedOption = 1,
     from_face: FromFaceOption = "TC6",
     perturbation: PerturbationOption = 0.05,
@@ -40,25 +44,25 @@ def command(
     """Serve the stack to the Foxglove app where ROS's foxglove_bridge is not installed: every topic, and a stop button.
 
     It joins the stack that runs in this shell's ROS domain (ROS_DOMAIN_ID), or starts one with a virtual prototype. It listens on
-    this machine only, and knows no password: any program here, also a page in a browser, can connect. So goals, arm, disarm and
-    reset are taken only with --commands. A stop button in an app is no emergency stop.
+    this machine only. The address that it prints holds a secret: who has it may look and stop, and with --commands also send goals,
+    arm, disarm and reset. For the same one at every start, put it into SIXSTRUT_TOKEN or a file. Pages of other origins than
+    Foxglove's are let in by --origin only. A stop button in an app is no emergency stop.
 
     sixstrut foxglove --virtual --commands
-    ROS_DOMAIN_ID=7 sixstrut foxglove --port 8766
+    ROS_DOMAIN_ID=7 sixstrut foxglove --port 8766 --origin http://localhost:8080
     """
-    if importlib.util.find_spec("foxglove") is None:
-        from sixstrut_cli.errors import StackError
-
-        raise StackError("the package foxglove-sdk is not installed: pip install it, or use ROS's own foxglove_bridge")
     from sixstrut_cli.foxglove_server import FoxgloveServer, layout, wait_for_end
+    from sixstrut_cli.guarded import chosen_token, refuse_on_command_line
     from sixstrut_cli.virtual_stack import VirtualRobot, running
 
+    refuse_on_command_line(token)
+    secret = chosen_token(token_file)
     with ExitStack() as closing:
         processes = None
         if virtual:
             robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
             processes = closing.enter_context(running(robot, "foxglove", typer.echo))
-        server = FoxgloveServer(port, commands)
+        server = FoxgloveServer(port, commands, secret, tuple(origin or ()))
         closing.callback(server.close)
         typer.echo(f"Foxglove: open the connection {server.url} and the layout {layout()}   (Ctrl-C ends it)")
         wait_for_end(processes)

@@ -31,6 +31,15 @@ TimeScaleOption = Annotated[float, typer.Option("--time-scale", min=0.01, max=10
 BoardOption = Annotated[str, typer.Option("--board", help="Its servo board: lsc, ssc32, maestro, maestro:crc.")]
 ActuatorsOption = Annotated[str, typer.Option("--actuators", help="Its actuators: ideal, stand-in, or a YAML file.")]
 BagsOption = Annotated[Path, typer.Option("--bags", help="Folder for the bag, with --virtual.")]
+TokenFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--token-file",
+        help="A file (mode 600) with the secret of the address. [default: SIXSTRUT_TOKEN, else new]",
+    ),
+]
+TokenOption = Annotated[str | None, typer.Option("--token", hidden=True)]
+"""No more: everybody sees it in the list of processes."""
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 
 

@@ -53,6 +53,7 @@ def command(
     sixstrut trial bags/monday --primitives 1-4 --virtual --perturbation 0.1 --seed 3
     sixstrut trial bags/monday --virtual
     """
+    from hardware_bridge.text import NAME_MOST, printable
     from sixstrut_cli.trials.starting import Asked, run
     from sixstrut_cli.trials.starting import experimenter as login
 
@@ -70,6 +71,6 @@ def command(
         "actuators": actuators,
     }
     where = str(calibration or "")
-    who = experimenter or login()
+    who = printable(experimenter or login(), NAME_MOST) or "unknown"
     asked = Asked(session, plan, who, virtual, port, board, baud, where, time_scale, by_hand, plan_only, rested, silent_board)
     raise typer.Exit(run(asked))

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
+import secrets
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware_bridge.text import NAME_MOST, printable
+
 Places = NDArray[np.float64]
 SILENT_S = 3.0
 """Bridge and twin tell something at 2 Hz or more."""
+MOST = 20
+"""Of gaits, and of faces where they end: there are no more faces."""
 NOWHERE: Places = np.zeros((0, 3))
 
 
@@ -69,17 +74,44 @@ class Facts:
         return (self.observed if self.settled else "") if self.source else self.predicted
 
 
-@dataclass
+@dataclass(frozen=True)
 class Selection:
-    """What was clicked on and not yet done. `target`: a neighbouring face; `place_m`: on the floor."""
+    """What was clicked on. `target`: a neighbouring face; `stood`: where the robot was then; `place_m`: on the floor."""
 
     target: str = ""
     place_m: tuple[float, float] | None = None
+    stood: str = ""
+
+
+@dataclass(eq=False)
+class Page:
+    """A page that is open, and what it selected: no other page's buttons mean that. `number`: its own, that nobody guesses."""
+
+    number: str = field(default_factory=lambda: secrets.token_urlsafe(12))
+    selection: Selection = field(default_factory=Selection)
+
+    def selected(self, facts: Facts) -> Selection:
+        """What is still selected: a face is not, once the robot stands elsewhere."""
+        chosen = self.selection
+        return chosen if chosen.stood == facts.face else Selection("", chosen.place_m)
 
 
 def document_of(facts: Facts, selection: Selection, now: float) -> dict[str, Any]:
-    """What the page shows, for JSON. Args: now: time.monotonic()."""
+    """What a page shows, for JSON: no NaN, no infinity. Args: now: time.monotonic()."""
     silent_s = now - facts.heard
+    return _finite(_document(facts, selection, now, silent_s))
+
+
+def _finite(value: Any) -> Any:
+    """The same with None for every number that is none."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(one) for key, one in value.items()}
+    return [_finite(one) for one in value] if isinstance(value, (list, tuple)) else value
+
+
+def _document(facts: Facts, selection: Selection, now: float, silent_s: float) -> dict[str, Any]:
     return {
         "alive": silent_s < SILENT_S,
         "twin_alive": now - facts.twin_heard < SILENT_S,
@@ -116,16 +148,17 @@ def rehearsal_of(message: Any) -> dict[str, Any]:
     """A `Rehearsal` message as plain data: source, ensemble, and of each gait its odds and where it ended."""
     gaits = [
         {
-            "target": gait.target_face,
-            "primitive": gait.primitive,
-            "odds": gait.odds,
+            "target": printable(gait.target_face, NAME_MOST),
+            "primitive": printable(gait.primitive, NAME_MOST),
+            "odds": gait.odds if math.isfinite(gait.odds) else 0.0,
             "successes": int(gait.successes),
             "members": int(gait.members),
-            "ends": [[face, int(count)] for face, count in zip(gait.faces, gait.counts, strict=True)],
+            "ends": [[printable(face, NAME_MOST), int(n)] for face, n in zip(gait.faces[:MOST], gait.counts[:MOST], strict=False)],
         }
-        for gait in message.gaits
+        for gait in message.gaits[:MOST]
     ]
-    return {"source": message.source_face, "ensemble": message.ensemble, "seconds": message.duration_s, "gaits": gaits}
+    source, ensemble = printable(message.source_face, NAME_MOST), printable(message.ensemble)
+    return {"source": source, "ensemble": ensemble, "seconds": message.duration_s, "gaits": gaits}
 
 
 def _number(value: float) -> float | None:

@@ -15,6 +15,9 @@ from sim_core.robot import Robot
 from sim_core.structure import FACES, NEIGHBOURS
 from sixstrut_cli.console.facts import Facts, Selection
 
+FARTHEST_M = 20.0
+"""Of a travel's goal."""
+
 
 class Neighbour(NamedTuple):
     """A face that one roll reaches: its name, and its triangle on the floor, (3, 2)."""
@@ -47,16 +50,18 @@ class Ground:
         return found
 
     def clicked(self, facts: Facts, origin: Array, direction: Array) -> Selection:
-        """What a ray of sight meets on the floor: a neighbouring face, or a place. Above the horizon: nothing."""
-        if direction[2] >= -1e-6:
+        """What a ray of sight meets on the floor: a neighbouring face, or a place. Above the horizon, and too far away: nothing."""
+        if not (np.isfinite(origin).all() and np.isfinite(direction).all()) or direction[2] >= -1e-6:
             return Selection()
         x, y, _ = origin - direction * (origin[2] / direction[2])
+        if not np.hypot(x, y) <= FARTHEST_M:
+            return Selection()
         place = (round(float(x), 3), round(float(y), 3))
         stance = self.stance(facts)
         for neighbour in self.neighbours(stance) if stance is not None else ():
             if _inside(np.array(place), neighbour.corners_m):
-                return Selection(neighbour.face)
-        return Selection("", place)
+                return Selection(neighbour.face, stood=facts.face)
+        return Selection("", place, facts.face)
 
     def ghost_m(self, stance: Stance, end: str) -> Array | None:
         """Joints of the robot at rest on another face after a roll, (12, 3); None: it is no neighbour of this one."""

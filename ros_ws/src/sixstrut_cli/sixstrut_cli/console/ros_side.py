@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import threading
 import time
@@ -17,13 +18,15 @@ from nav_msgs.msg import Path
 from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
+from hardware_bridge.text import NAME_MOST, printable
 from sixstrut_cli.console.facts import NOWHERE, Facts, rehearsal_of
 from sixstrut_cli.spinner import Spinner
-from sixstrut_cli.trials.remote import KEY_TOPIC, PANEL_TOPIC
+from sixstrut_cli.trials.remote import KEY_TOPIC, PANEL_TOPIC, key_text
 from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, Rehearse, SetFace
@@ -39,6 +42,9 @@ REHEARSE_AGAIN_S = 3.0
 ARM_LIMIT_S = 40.0
 """A bridge just started loads its judge of shapes before it answers."""
 TICK_S = 0.1
+MOST_BYTES = 256 * 1024
+MOST_PLACES, MOST_ROLLS, MOST_PARTS = 13, 500, 50
+"""Of what a message may hold, that which is looked at."""
 
 
 class RosSide:
@@ -54,7 +60,7 @@ class RosSide:
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = node = Node("console", context=self._context)
-        subscribe = node.create_subscription
+        subscribe = self._subscribe
         subscribe(BridgeState, "bridge/state", self._on_bridge, qos.LATCHED)
         subscribe(FaceObservation, "bridge/face", self._on_face, qos.FACES)
         subscribe(FaceObservation, "twin/face", self._on_prediction, qos.FACES)
@@ -87,28 +93,39 @@ class RosSide:
         self._stopper.close()
         rclpy.try_shutdown(context=self._context)
 
+    def _subscribe(self, kind: Any, topic: str, callback: Callable[[Any], None], profile: Any) -> None:
+        """Listen, but take nothing apart that is larger than such a message ever is: that would hold up the stop."""
+
+        def take(data: bytes) -> None:
+            if len(data) <= MOST_BYTES:
+                callback(deserialize_message(data, kind))
+
+        self._node.create_subscription(kind, topic, take, profile, raw=True)
+
     # ---- what is heard ----------------------------------------------------------------------------------------------
 
     def _on_bridge(self, message: BridgeState) -> None:
         facts = self.facts
         facts.heard = time.monotonic()
-        facts.state, facts.reason, facts.holder = message.state, message.reason, message.lease_holder
+        facts.state, facts.reason = printable(message.state, NAME_MOST), printable(message.reason)
+        facts.holder = printable(message.lease_holder, NAME_MOST)
         facts.link_ok, facts.virtual, facts.time_scale = message.link_ok, message.virtual_port, message.time_scale
         facts.duty_left_s, facts.battery_v = message.duty_left_s, message.battery_v
-        facts.bag, facts.bag_messages = message.bag, int(message.bag_messages)
+        facts.bag, facts.bag_messages = printable(message.bag), int(message.bag_messages)
         facts.lengths_m = np.array(message.length_m, dtype=float)
 
     def _on_face(self, message: FaceObservation) -> None:
-        self.facts.observed, self.facts.settled, self.facts.source = message.face, bool(message.settled), message.source
+        face, source = printable(message.face, NAME_MOST), printable(message.source, NAME_MOST)
+        self.facts.observed, self.facts.settled, self.facts.source = face, bool(message.settled), source
 
     def _on_prediction(self, message: FaceObservation) -> None:
-        self.facts.predicted = message.face
+        self.facts.predicted = printable(message.face, NAME_MOST)
 
     def _on_twin(self, message: TwinState) -> None:
         facts = self.facts
         facts.twin_heard = time.monotonic()
-        facts.tendon_n, facts.strut_n = np.array(message.tendon_force_n), np.array(message.strut_force_n)
-        facts.ground_n = np.array(message.ground_force_n)
+        forces = (message.tendon_force_n, message.strut_force_n, message.ground_force_n)
+        facts.tendon_n, facts.strut_n, facts.ground_n = (np.nan_to_num(np.array(one), posinf=0.0, neginf=0.0) for one in forces)
 
     def _on_joints(self, message: PoseArray) -> None:
         self.facts.joints_m = _places(message)
@@ -121,17 +138,21 @@ class RosSide:
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         level = lambda status: status.level[0] if isinstance(status.level, bytes) else int(status.level)  # noqa: E731
-        self.facts.diagnostics = [(s.name.rpartition(": ")[2], level(s), s.message) for s in message.status]
+        self.facts.diagnostics = [
+            (printable(s.name.rpartition(": ")[2], NAME_MOST), level(s), printable(s.message)) for s in message.status[:MOST_PARTS]
+        ]
 
     def _on_path(self, message: Path) -> None:
-        self.facts.way_m = np.array([(p.pose.position.x, p.pose.position.y) for p in message.poses]).reshape(-1, 2)
+        way = np.array([(p.pose.position.x, p.pose.position.y) for p in message.poses[:MOST_ROLLS]]).reshape(-1, 2)
+        self.facts.way_m = way[np.isfinite(way).all(axis=1)]
 
     def _on_goal(self, message: PoseStamped) -> None:
-        self.facts.goal_m = (message.pose.position.x, message.pose.position.y)
+        x, y = message.pose.position.x, message.pose.position.y
+        self.facts.goal_m = (x, y) if math.isfinite(x) and math.isfinite(y) else None
 
     def _on_panel(self, message: String) -> None:
         shown = json.loads(message.data) if message.data else None
-        self.facts.trial = shown if isinstance(shown, dict) else None
+        self.facts.trial = _panel_of(shown) if isinstance(shown, dict) else None
 
     # ---- what is asked ----------------------------------------------------------------------------------------------
 
@@ -189,6 +210,7 @@ class RosSide:
         """Travel to a place on the floor."""
         goal = Travel.Goal()
         goal.goal.header.frame_id = "odom"
+        goal.goal.header.stamp = self._node.get_clock().now().to_msg()
         goal.goal.pose.position.x, goal.goal.pose.position.y = place_m
         self._act(self._travels, "travel", goal, answer)
 
@@ -201,9 +223,9 @@ class RosSide:
             self._executor.create_task(running.cancel_goal_async)
             answer(True, "cancelling")
 
-    def press(self, key: str) -> None:
-        """A key for the session that runs."""
-        self._keys.publish(String(data=key))
+    def press(self, key: str, panel: str) -> None:
+        """A key for the session that runs, as the answer to what its panel showed."""
+        self._keys.publish(String(data=key_text(key, panel)))
 
     # ---- calls ------------------------------------------------------------------------------------------------------
 
@@ -248,7 +270,8 @@ class RosSide:
             result = (await handle.get_result_async()).result
             self._running = None
             setattr(facts, name, None)
-            facts.last = f"{name} {'ended well' if result.success else 'failed'}{': ' + result.reason if result.reason else ''}"
+            why = printable(result.reason)
+            facts.last = f"{name} {'ended well' if result.success else 'failed'}{': ' + why if why else ''}"
 
         self._executor.create_task(act)
 
@@ -283,11 +306,17 @@ class RosSide:
 
 
 def _places(message: PoseArray) -> np.ndarray:
-    places = np.array([(p.position.x, p.position.y, p.position.z) for p in message.poses])
-    return places if len(places) else NOWHERE
+    places = np.array([(p.position.x, p.position.y, p.position.z) for p in message.poses[:MOST_PLACES]])
+    return places if len(places) and np.isfinite(places).all() else NOWHERE
+
+
+def _panel_of(shown: dict[Any, Any]) -> dict[str, Any]:
+    return {printable(key, NAME_MOST): _plain(value) for key, value in list(shown.items())[:MOST_PARTS]}
 
 
 def _plain(value: Any) -> Any:
     if isinstance(value, float):
-        return round(value, 4) if value == value else None
-    return value if isinstance(value, (str, int, bool)) else None
+        return round(value, 4) if math.isfinite(value) else None
+    if isinstance(value, str):
+        return printable(value)
+    return value if isinstance(value, (int, bool)) else None

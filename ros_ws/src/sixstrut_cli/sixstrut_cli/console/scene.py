@@ -1,11 +1,10 @@
-"""The robot in 3D, drawn with viser for every browser that looks."""
+"""The robot in 3D, drawn with viser for every browser that looks; what a page selected is drawn for that page alone."""
 
 from __future__ import annotations
 
-import io
-import socket
-from collections.abc import Callable
-from contextlib import redirect_stdout
+from collections.abc import Mapping
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,16 +30,57 @@ LIFT_M = 0.002
 """Things on the floor are drawn a little above it, each kind at a height of its own."""
 
 
-class Scene:
-    """What is drawn. `update` is called from one thread."""
+class _Chosen:
+    """What one page selected, in its own view: a face, the ghost of where rehearsals ended, a place."""
 
-    def __init__(self, ground: Ground, clicked: Callable[[Selection], None], facts: Facts):
-        """Args: clicked: told what a click selects. facts: read when somebody clicks."""
-        import viser
+    def __init__(self, client: Any):
+        self.client = client
+        self._drawn: tuple[Any, ...] | None = None
+        scene = client.scene
+        none, corners, side = np.zeros((1, 2, 3)), np.zeros((3, 3)), np.array([[0, 1, 2]])
+        self._lines = {
+            name: scene.add_line_segments(name, none, SKY, thickness=width, visible=False)
+            for name, width in (("ghost_struts", 0.006), ("ghost_tendons", 0.0015))
+        }
+        self._place = scene.add_cylinder("place", 0.03, 0.001, ORANGE, opacity=0.7, visible=False)
+        self._face = scene.add_mesh_simple(
+            "chosen", corners, side, color=ORANGE, opacity=0.6, side="double", cast_shadow=False, visible=False
+        )
+
+    def draw(self, corners: Array | None, ghost: Array | None, place: tuple[float, float] | None) -> None:
+        """Args: corners: of a face on the floor (3, 2). ghost: joints (12, 3). None: not selected."""
+        drawn = (*(None if one is None else np.round(one, 3).tobytes() for one in (corners, ghost)), place)
+        if drawn == self._drawn:
+            return
+        self._drawn = drawn
+        with self.client.atomic():
+            self._face.visible = corners is not None
+            if corners is not None:
+                self._face.vertices = np.column_stack([corners, np.full(3, LIFT_M)]).astype(np.float32)
+            for name, pairs in (("ghost_struts", STRUTS), ("ghost_tendons", TENDONS)):
+                self._lines[name].visible = ghost is not None
+                if ghost is not None:
+                    self._lines[name].points = ghost[np.array(pairs)].astype(np.float32)
+            self._place.visible = place is not None
+            if place is not None:
+                self._place.position = (*place, 3.0 * LIFT_M)
+
+
+class Scene:
+    """What is drawn. `update` is called from one thread.
+
+    Attributes:
+        path: of the socket where viser listens.
+    """
+
+    def __init__(self, ground: Ground):
+        """Raises ConsoleError: viser cannot be started."""
+        from sixstrut_cli.console.viser_inside import PAGE, ViserInside
 
         self._ground = ground
-        with redirect_stdout(io.StringIO()):  # it announces an address that nobody is to open
-            self._server = server = viser.ViserServer(host="127.0.0.1", port=_free_port(), verbose=False)
+        self._server = server = ViserInside()
+        self.path: Path = server.path
+        self._chosen: dict[str, _Chosen] = {}
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.scene.set_up_direction("+z")
         server.initial_camera.position = (0.24, -0.32, 0.27)
@@ -53,8 +93,6 @@ class Scene:
                 ("bodies", DARK, 0.020),
                 ("rods", (170, 175, 185), 0.009),
                 ("tendons", BLUE, 0.004),
-                ("ghost_struts", SKY, 0.006),
-                ("ghost_tendons", SKY, 0.0015),
                 ("trail", GREEN, 0.003),
                 ("way", BLUE, 0.005),
             )
@@ -64,7 +102,6 @@ class Scene:
         self._joints.point_shape = "circle"
         self._box = server.scene.add_box("box", GREEN, (0.04, 0.04, 0.04))
         self._goal = server.scene.add_cylinder("goal", 0.08, 0.001, GREEN, opacity=0.4, visible=False)
-        self._place = server.scene.add_cylinder("place", 0.03, 0.001, ORANGE, opacity=0.7, visible=False)
         self._faces = [self._face(slot) for slot in range(4)]
         self._followed: Array | None = None
         self._drawn: tuple[Any, ...] = ()
@@ -72,19 +109,22 @@ class Scene:
 
         @server.scene.on_click()
         def _(event: Any) -> None:
-            clicked(ground.clicked(facts, np.array(event.ray_origin), np.array(event.ray_direction)))
+            """Makes pages tell of clicks; they go to our server, none comes here."""
 
-    @property
-    def port(self) -> int:
-        """Where its socket listens, on loopback only."""
-        return int(self._server.get_port())
+        @server.on_client_connect
+        async def _(client: Any) -> None:
+            self._chosen[PAGE.get()] = _Chosen(client)
+
+        @server.on_client_disconnect
+        async def _(client: Any) -> None:
+            self._chosen = {page: chosen for page, chosen in self._chosen.items() if chosen.client is not client}
 
     def close(self) -> None:
-        """Let go of the port."""
+        """Let go of the socket."""
         self._server.stop()
 
-    def update(self, facts: Facts, selection: Selection) -> None:
-        """Draw what is known now."""
+    def update(self, facts: Facts, selections: Mapping[str, Selection]) -> None:
+        """Draw what is known now. Args: selections: of each page, by its number."""
         if len(facts.joints_m) < 13:
             return
         with self._server.atomic():
@@ -93,9 +133,10 @@ class Scene:
             self._draw_trail(joints.mean(axis=0))
             stance = self._ground.stance(facts)
             self._follow(stance)
-            self._draw_faces(stance, facts, selection)
-            self._draw_ghost(stance, facts, selection)
-            self._draw_way(facts, selection)
+            self._draw_faces(stance, facts)
+            self._draw_way(facts)
+        for page, chosen in list(self._chosen.items()):
+            self._draw_chosen(chosen, stance, facts, selections.get(page, Selection()))
 
     def _draw_robot(self, joints: Array, box: Array, facts: Facts) -> None:
         ends = joints[np.array(STRUTS)]
@@ -120,12 +161,12 @@ class Scene:
             if len(self._trail) > 1:
                 self._put("trail", np.stack([self._trail[:-1], self._trail[1:]], axis=1))
 
-    def _draw_faces(self, stance: Stance | None, facts: Facts, selection: Selection) -> None:
+    def _draw_faces(self, stance: Stance | None, facts: Facts) -> None:
         """The face stood on and its neighbours, with names and odds; drawn anew only when something of it changed."""
         known = facts.rehearsal is not None and facts.rehearsal["source"] == facts.face
         odds = {gait["target"]: gait["odds"] for gait in facts.rehearsal["gaits"]} if facts.rehearsal and known else {}
         place = (stance.face, round(stance.x_m, 2), round(stance.y_m, 2), round(stance.yaw_rad, 1)) if stance else None
-        state = (place, selection.target, tuple(sorted(odds.items())))
+        state = (place, tuple(sorted(odds.items())))
         if state == self._drawn:
             return
         self._drawn = state
@@ -133,10 +174,8 @@ class Scene:
         if stance is not None:
             shown.append((facts.joints_m[list(FACES[stance.face]), :2], BLUE, 0.45, stance.face))
             for neighbour in self._ground.neighbours(stance):
-                chosen = neighbour.face == selection.target
                 told = f" {100 * odds[neighbour.face]:.0f} %" if neighbour.face in odds else ""
-                color, opacity = (ORANGE, 0.6) if chosen else (GREY, 0.3)
-                shown.append((neighbour.corners_m, color, opacity, neighbour.face + told))
+                shown.append((neighbour.corners_m, GREY, 0.3, neighbour.face + told))
         for slot, (mesh, label) in enumerate(self._faces):
             mesh.visible = label.visible = slot < len(shown)
             if slot < len(shown):
@@ -160,32 +199,32 @@ class Scene:
             shift = spot if before is None else spot - before
             for client in self._server.get_clients().values():
                 camera = client.camera
-                place, look = np.array(camera.position), np.array(camera.look_at)
-                camera.position, camera.look_at = place + shift, look + shift
+                with suppress(ValueError):  # a view that cannot be moved is that page's trouble alone
+                    place, look = np.array(camera.position), np.array(camera.look_at)
+                    camera.position, camera.look_at = place + shift, look + shift
             start, at = np.array(self._server.initial_camera.position), np.array(self._server.initial_camera.look_at)
             self._server.initial_camera.position, self._server.initial_camera.look_at = tuple(start + shift), tuple(at + shift)
         else:
             self._followed = before
 
-    def _draw_ghost(self, stance: Stance | None, facts: Facts, selection: Selection) -> None:
-        """Where most rehearsals of the selected roll ended."""
-        gaits = facts.rehearsal["gaits"] if facts.rehearsal and facts.rehearsal["source"] == facts.face else []
-        end = next((g["ends"][0][0] for g in gaits if g["target"] == selection.target and g["ends"]), "")
-        ghost = self._ground.ghost_m(stance, end) if stance is not None and end in FACES and facts.roll is None else None
-        for name, pairs in (("ghost_struts", STRUTS), ("ghost_tendons", TENDONS)):
-            self._lines[name].visible = ghost is not None
-            if ghost is not None:
-                self._put(name, ghost[np.array(pairs)])
+    def _draw_chosen(self, chosen: _Chosen, stance: Stance | None, facts: Facts, selection: Selection) -> None:
+        """The selected face, where most rehearsals of the roll ended, and the selected place."""
+        corners = ghost = None
+        if stance is not None and facts.roll is None:
+            corners = next((one.corners_m for one in self._ground.neighbours(stance) if one.face == selection.target), None)
+            gaits = facts.rehearsal["gaits"] if facts.rehearsal and facts.rehearsal["source"] == facts.face else []
+            end = next((g["ends"][0][0] for g in gaits if g["target"] == selection.target and g["ends"]), "")
+            ghost = self._ground.ghost_m(stance, end) if end in FACES else None
+        chosen.draw(corners, ghost, selection.place_m)
 
-    def _draw_way(self, facts: Facts, selection: Selection) -> None:
+    def _draw_way(self, facts: Facts) -> None:
         way = np.column_stack([facts.way_m, np.full(len(facts.way_m), 2.0 * LIFT_M)])
         self._lines["way"].visible = len(way) > 1
         if len(way) > 1:
             self._put("way", np.stack([way[:-1], way[1:]], axis=1))
-        for handle, place in ((self._goal, facts.goal_m), (self._place, selection.place_m)):
-            handle.visible = place is not None
-            if place is not None:
-                handle.position = (*place, LIFT_M if handle is self._goal else 3.0 * LIFT_M)
+        self._goal.visible = facts.goal_m is not None
+        if facts.goal_m is not None:
+            self._goal.position = (*facts.goal_m, LIFT_M)
 
     def _put(self, name: str, points: Array, colors: Array | None = None) -> None:
         """Lines from their ends, (n, 2, 3)."""
@@ -201,9 +240,3 @@ def tension_colors(tension_n: Array) -> Array:
     colors = (1.0 - share) * np.array(BLUE) + share * np.array(ORANGE)
     colors[np.asarray(tension_n) <= 0.0] = PALE
     return np.repeat(colors.astype(np.uint8)[:, None, :], 2, axis=1)
-
-
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])

@@ -1,220 +1,230 @@
-"""The console's page and sockets, on one port, and who may use them (tornado).
+"""The console's page and sockets, on one port (tornado); who may use them is `guarded`'s to judge.
 
-`/` is the page; `/link` a socket that tells facts and takes orders; `/scene` the 3D view's own page and socket, passed on to viser,
-which itself listens on loopback only. Everything needs the token, if there is one. What another site's page sends is refused: by
-its Origin, and, without a token, by its Host (DNS rebinding). viser's own port, on loopback, asks for nothing: who reaches it sees
-the scene and can select a face or a place; nothing moves by that.
+Under the token: the page; `link`, a socket that tells facts and takes orders; `scene`, the 3D view's own page, and its socket,
+between which and viser stands `view_messages`. viser has no port.
 """
 
 from __future__ import annotations
 
 import asyncio
-import hmac
 import json
-import re
-import secrets
-import socket
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
-import tornado.httpserver
 import tornado.ioloop
-import tornado.netutil
 import tornado.web
-import tornado.websocket
+import websockets.asyncio.client
+import websockets.exceptions
+from websockets.typing import Subprotocol
 
-from sixstrut_cli.errors import ConsoleError
+from sixstrut_cli.console.facts import Page
+from sixstrut_cli.console.view_messages import LONGEST, Camera, Click, for_viser, said
+from sixstrut_cli.guarded import LOOPBACK, Gate, Guarded, GuardedSocket, Pace, address, listening
 
 PAGE = Path(__file__).parent / "page"
-COOKIE = "sixstrut_console"
-LOOPBACK = ("127.0.0.1", "localhost", "::1")
-MOST_BYTES = 50 * 1024 * 1024
-"""Of one message of the 3D view, as viser has it."""
+MOST_SCENE_BYTES = 50 * 1024 * 1024
+"""Of one message of viser's, as viser has it."""
+LONGEST_ORDER = 4096
+ORDERS_AT_ONCE, ORDERS_PER_S = 40, 20
+"""Of one page; a stop is always taken."""
+CAMERAS_PER_S, CLICKS_PER_S = 120, 10
+OWN = "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src data:; connect-src 'self'; frame-src 'self'"
+OWN_PAGE = f"{OWN}; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+VIEW_PAGE = (
+    "default-src 'self' 'unsafe-inline' 'unsafe-eval' data: blob:; base-uri 'none'; form-action 'none'; frame-ancestors 'self'"
+)
+"""Neither may load, or tell, anything elsewhere; the view stands in our page's frame, and our page in nobody's."""
+ONLY_THE_VIEW = (
+    b'<style>[data-testid="floating-panel"], .mantine-Paper-root, .mantine-Notifications-root { display: none !important; }</style>'
+)
+"""Hides viser's own panel, which is for developers, in a wide window and a narrow one, and its remarks on the browser."""
 
-ONLY_THE_VIEW = b'<style>[data-testid="floating-panel"], .mantine-Notifications-root { display: none !important; }</style>'
-"""Hides viser's own panel, which is for developers, and its remarks on the browser."""
-
-Order = Callable[[dict[str, Any], Callable[[dict[str, Any]], None]], None]
-"""Carries out what a page asks for; the second argument answers it, from any thread."""
-
-
-def require_token(token: str) -> None:
-    """Raises ConsoleError: it is short, or does not fit into an address."""
-    if not re.fullmatch(r"[A-Za-z0-9_-]{8,}", token):
-        raise ConsoleError("--token: valid are 8 or more letters, digits, - and _; leave it out to get a new one")
-
-
-def new_token() -> str:
-    """A token that nobody guesses."""
-    return secrets.token_urlsafe(16)
+Reply = Callable[[dict[str, Any]], None]
 
 
-class _Guarded(tornado.web.RequestHandler):
-    """Only for who may."""
+class Orders(Protocol):
+    """Who knows the pages, and carries out what they ask for."""
 
-    def initialize(self, token: str, **more: Any) -> None:
-        self.token = token
-        for name, value in more.items():
-            setattr(self, name, value)
+    pages: dict[str, Page]
 
-    def prepare(self) -> None:
-        if not self.allowed():
-            raise tornado.web.HTTPError(403, reason="give the token that the console printed")
+    def arrived(self) -> Page: ...
 
-    def allowed(self) -> bool:
-        """The token is right; or none is needed, and the request was meant for this machine."""
-        if not self.token:
-            host = (self.request.host or "").rsplit(":", 1)[0].strip("[]")
-            return host in LOOPBACK
-        given = self.get_query_argument("token", "") or self.get_cookie(COOKIE, "") or ""
-        return hmac.compare_digest(given.encode(), self.token.encode())
+    def left(self, page: Page) -> None: ...
 
-    def set_default_headers(self) -> None:
-        self.set_header("Cache-Control", "no-store")
-        self.set_header("X-Content-Type-Options", "nosniff")
-        self.set_header("Referrer-Policy", "no-referrer")
-        self.set_header("Content-Security-Policy", "frame-ancestors 'self'")  # no other site may put our buttons under its own
-
-    def write_error(self, status_code: int, **_: Any) -> None:
-        self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(f"{status_code}: {self._reason}\n")
+    def carry_out(self, page: Page, order: dict[str, Any], answer: Reply) -> None:
+        """The answer may come from any thread."""
 
 
-class _File(_Guarded):
-    """A file of the page; the first one keeps the token in a cookie that no other site's requests carry."""
+class _File(Guarded):
+    """A file of the page."""
 
     content: bytes
     kind: str
+    policy: str
 
-    def get(self) -> None:
-        if self.token and self.get_query_argument("token", ""):
-            self.set_cookie(COOKIE, self.token, httponly=True, samesite="Strict")
-            self.redirect(self.request.path)
+    def initialize(self, content: bytes, kind: str, policy: str) -> None:
+        self.content, self.kind, self.policy = content, kind, policy
+
+    def get(self, **_: str) -> None:
+        if self.kind == "text/html" and not self.request.path.endswith(("/", "/scene")):
+            self.redirect(f"{self.request.path}/")  # what the page names is beside it
             return
         self.set_header("Content-Type", f"{self.kind}; charset=utf-8")
+        self.set_header("Content-Security-Policy", self.policy)
         self.finish(self.content)
 
 
-class _Link(tornado.websocket.WebSocketHandler, _Guarded):
-    """One page: orders in, facts out. Origin is checked by tornado: only this server's own page may connect."""
+class _Link(GuardedSocket):
+    """One page: orders in, facts out."""
 
-    server: Server
+    page: Page
+    scene: _SceneSocket | None = None
+
+    def initialize(self, server: Server) -> None:
+        self.server = server
+        self._pace = Pace(ORDERS_AT_ONCE, ORDERS_PER_S)
+
+    @property
+    def max_message_size(self) -> int:
+        return LONGEST_ORDER
 
     def open(self, *_: str, **__: str) -> None:
-        self.server.links.add(self)
+        self.set_nodelay(True)
+        self.page = self.server.orders.arrived()
+        self.server.links[self.page.number] = self
+        self.send(json.dumps({"page": self.page.number}))
 
     def on_close(self) -> None:
-        self.server.links.discard(self)
+        if hasattr(self, "page"):
+            self.server.links.pop(self.page.number, None)
+            self.server.orders.left(self.page)
+        if self.scene is not None:
+            self.scene.close()
 
     def on_message(self, message: str | bytes) -> None:
         try:
             order = json.loads(message)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             return
-        if isinstance(order, dict):
-            self.server.order(order, self.answer)
+        if isinstance(order, dict) and (order.get("do") == "stop" or self._pace.allows()):
+            self.server.orders.carry_out(self.page, order, self.answer)
 
     def answer(self, document: dict[str, Any]) -> None:
         """From any thread."""
-        self.server.later(lambda: self.send(json.dumps(document)))
-
-    def send(self, text: str) -> None:
-        """In the server's thread; a page that has gone is none."""
-        _write(self, text)
+        self.server.later(lambda: self.send(json.dumps(document, allow_nan=False)))
 
 
-class _SceneSocket(tornado.websocket.WebSocketHandler, _Guarded):
-    """The 3D view's socket, passed on to viser byte by byte."""
+class _SceneSocket(GuardedSocket):
+    """The 3D view of an open page: what viser draws goes out, cameras go in, clicks come to us."""
 
-    scene_port: int
-    _viser: tornado.websocket.WebSocketClientConnection | None = None
+    def initialize(self, server: Server) -> None:
+        self.server = server
+        self._cameras, self._clicks = Pace(CAMERAS_PER_S, CAMERAS_PER_S), Pace(CLICKS_PER_S, CLICKS_PER_S)
+        self._viser: websockets.asyncio.client.ClientConnection | None = None
+        self._link: _Link | None = None
+
+    @property
+    def max_message_size(self) -> int:
+        return LONGEST
 
     def select_subprotocol(self, subprotocols: list[str]) -> str | None:
         return subprotocols[0] if subprotocols else None
 
-    async def open(self, *_: str, **__: str) -> None:
-        wanted = [self.selected_subprotocol] if self.selected_subprotocol else None
-        self._viser = await tornado.websocket.websocket_connect(
-            f"ws://127.0.0.1:{self.scene_port}/", subprotocols=wanted, max_message_size=MOST_BYTES
+    async def open(self, *_: str, number: str = "", **__: str) -> None:
+        self._link = link = self.server.links.get(number)
+        if link is None:
+            self.close(1008, "no such page is open")
+            return
+        if link.scene is not None:
+            link.scene.close()
+        link.scene = self
+        wanted = [Subprotocol(self.selected_subprotocol)] if self.selected_subprotocol else None
+        self._viser = await websockets.asyncio.client.unix_connect(
+            str(self.server.scene),
+            uri=f"ws://localhost/{number}",
+            subprotocols=wanted,
+            max_size=MOST_SCENE_BYTES,
+            max_queue=4,
+            compression=None,
+            ping_interval=None,
         )
         # tornado hears nothing of the page before this method is over
         self._pump = asyncio.create_task(self._pass_on(self._viser))
 
-    async def _pass_on(self, viser: tornado.websocket.WebSocketClientConnection) -> None:
-        while (message := await viser.read_message()) is not None:
-            _write(self, message)
+    async def _pass_on(self, viser: websockets.asyncio.client.ClientConnection) -> None:
+        """One message after the other: a page that reads slowly is sent less, for viser leaves out what is outdated."""
+        with suppress(
+            tornado.websocket.WebSocketClosedError, tornado.iostream.StreamClosedError, websockets.exceptions.ConnectionClosed
+        ):
+            async for message in viser:
+                await self.write_message(message, binary=isinstance(message, bytes))
         self.close()
 
     async def on_message(self, message: str | bytes) -> None:
-        if self._viser is not None:
-            await self._viser.write_message(message, binary=isinstance(message, bytes))
+        heard = said(message)
+        if self._viser is None or self._link is None:
+            return
+        if isinstance(heard, Click) and self._clicks.allows():
+            self.server.clicked(self._link.page, heard)
+        elif isinstance(heard, Camera) and self._cameras.allows():
+            with suppress(websockets.exceptions.ConnectionClosed):
+                await self._viser.send(for_viser(heard))
 
     def on_close(self) -> None:
+        if self._link is not None and self._link.scene is self:
+            self._link.scene = None
         if self._viser is not None:
-            self._viser.close()
-
-
-def _write(to: tornado.websocket.WebSocketHandler, message: str | bytes) -> None:
-    """Send it, if the other end is still there."""
-    with suppress(tornado.websocket.WebSocketClosedError):
-        written = to.write_message(message, binary=isinstance(message, bytes))
-        written.add_done_callback(lambda future: future.exception())  # it went meanwhile: nobody is left to be told
+            self.server.closing = asyncio.ensure_future(self._viser.close())
 
 
 class Server:
     """Made, and run, in one thread.
 
     Attributes:
-        links: the pages that are connected. order: carries out what they ask for. url: where a person opens it.
+        links: the pages that are connected, by number. orders: carries out what they ask for. clicked: told of a page's click.
+        scene: path of viser's socket. url: where a person opens it.
     """
 
-    def __init__(self, host: str, port: int, token: str, scene_port: int, order: Order):
+    def __init__(self, host: str, port: int, token: str, scene: Path, orders: Orders, clicked: Callable[[Page, Click], None]):
         """Listen. Args: port: 0: any free one. Raises ConsoleError: the port is taken, or no such address is here."""
         import viser
 
-        self.links: set[_Link] = set()
-        self.order = order
+        self.links: dict[str, _Link] = {}
+        self.orders, self.clicked, self.scene = orders, clicked, scene
+        self.closing: asyncio.Future[None] | None = None
         self._loop = tornado.ioloop.IOLoop.current()
-        common = {"token": token}
-        scene = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
+        view = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
         files = [
-            ("/", (PAGE / "index.html").read_bytes(), "text/html"),
-            ("/app.js", (PAGE / "app.js").read_bytes(), "text/javascript"),
-            ("/style.css", (PAGE / "style.css").read_bytes(), "text/css"),
-            ("/scene", scene.replace(b"</head>", ONLY_THE_VIEW + b"</head>", 1), "text/html"),
+            ("/?", (PAGE / "index.html").read_bytes(), "text/html", OWN_PAGE),
+            ("/app.js", (PAGE / "app.js").read_bytes(), "text/javascript", OWN_PAGE),
+            ("/style.css", (PAGE / "style.css").read_bytes(), "text/css", OWN_PAGE),
+            ("/scene", view.replace(b"</head>", ONLY_THE_VIEW + b"</head>", 1), "text/html", VIEW_PAGE),
         ]
-        routes: list[Any] = [(path, _File, {**common, "content": content, "kind": kind}) for path, content, kind in files]
+        token_first = r"/(?P<token>[^/]+)"
+        routes: list[Any] = [
+            (token_first + path, _File, {"content": content, "kind": kind, "policy": policy})
+            for path, content, kind, policy in files
+        ]
         routes += [
-            ("/link", _Link, {**common, "server": self}),
-            ("/scene/socket", _SceneSocket, {**common, "scene_port": scene_port}),
+            (token_first + "/link", _Link, {"server": self}),
+            (token_first + "/scene/(?P<number>[^/]+)", _SceneSocket, {"server": self}),
         ]
-        application = tornado.web.Application(routes, websocket_max_message_size=MOST_BYTES, log_function=lambda handler: None)
-        try:
-            sockets = tornado.netutil.bind_sockets(port, host)
-        except OSError as error:
-            why = f"{error.strerror}; give another --port (0: any free one), or --host"
-            raise ConsoleError(f"the console cannot listen on port {port} of {host}: {why}") from error
-        self._http = tornado.httpserver.HTTPServer(application)
-        self._http.add_sockets(sockets)
-        self.port = int(sockets[0].getsockname()[1])
-        name = socket.gethostname() if host in ("0.0.0.0", "::") else host
-        shown = f"[{name}]" if ":" in name else name
-        self.url = f"http://{shown}:{self.port}/" + (f"?token={token}" if token else "")
+        self._http, self.port = listening(routes, Gate(token, host in LOOPBACK), host, port)
+        self.url = address("http", host, self.port, token)
 
     def later(self, work: Callable[[], None]) -> None:
         """Do something in the server's thread, from any other."""
         self._loop.add_callback(work)
 
-    def tell(self, document: dict[str, Any]) -> None:
-        """Send it to every page. In the server's thread."""
-        text = json.dumps(document)
-        for link in list(self.links):
-            link.send(text)
+    def tell(self, document: Callable[[Page], dict[str, Any]]) -> None:
+        """Send each page its own. In the server's thread."""
+        for link in list(self.links.values()):
+            link.send(json.dumps(document(link.page), allow_nan=False))
 
     def close(self) -> None:
         """Let go of the port and of every page."""
         self._http.stop()
-        for link in list(self.links):
+        for link in list(self.links.values()):
             link.close()

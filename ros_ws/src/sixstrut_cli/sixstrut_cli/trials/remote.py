@@ -1,12 +1,15 @@
 """A session's panel shown elsewhere, and keys pressed there: for the console in the browser.
 
-What is pressed there counts as pressed at the terminal, so nothing of a session can tell them apart.
+What is pressed there counts as pressed at the terminal, so nothing of a session can tell them apart. A key is the answer to what a
+panel showed and names it by an id that is used once: keys of a bag that is played, of a page that shows an older panel, or pressed
+twice, are none.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import secrets
 import threading
 from contextlib import suppress
 from dataclasses import asdict
@@ -19,6 +22,25 @@ from sixstrut_cli.trials.panel import Panel, Shown
 PANEL_TOPIC, KEY_TOPIC = "trial/panel", "trial/key"
 _BYTES = {ENTER: b"\r"}
 KNOWN = frozenset("yvnuqpm0123456789")
+LONGEST = 200
+"""Characters of a key's message."""
+
+
+def key_text(key: str, panel: str) -> str:
+    """What is published for a key. Args: panel: id of the panel that it answers."""
+    return json.dumps({"panel": panel, "key": key})
+
+
+def key_of(text: str) -> tuple[str, str]:
+    """Key and panel's id of what was published; empty texts: it is no such message."""
+    try:
+        told = json.loads(text) if len(text) <= LONGEST else None
+    except (ValueError, RecursionError):
+        told = None
+    if not isinstance(told, dict):
+        return "", ""
+    key, panel = told.get("key"), told.get("panel")
+    return (key, panel) if isinstance(key, str) and isinstance(panel, str) else ("", "")
 
 
 class Remote:
@@ -42,6 +64,10 @@ class Remote:
         os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self.keys_from, self._keys_to = os.pipe()
         self._string = String
+        self._lock = threading.Lock()
+        self._shown: Shown | None = None
+        self._id = ""
+        self._warned = False
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node("sixstrut_trial", context=self._context)
@@ -59,13 +85,31 @@ class Remote:
             self._executor.spin()
 
     def _on_key(self, message: Any) -> None:
-        key = str(message.data)
-        if key in _BYTES or key in KNOWN:
-            os.write(self._keys_to, _BYTES.get(key, key.encode()))
+        key, panel = key_of(str(message.data))
+        with self._lock:
+            meant = panel != "" and panel == self._id and (key in _BYTES or key in KNOWN)
+            if meant:
+                os.write(self._keys_to, _BYTES.get(key, key.encode()))
+                self._id = secrets.token_urlsafe(9)  # one answer a question: what was pressed twice was pressed once
+                self._publish()
+        if not meant and not self._warned:
+            self._warned = True
+            self._node.get_logger().warning(
+                f"a key on {KEY_TOPIC} answers no panel of this session: ignored, as all such are; is a bag being played beside it?"
+            )
 
     def show(self, shown: Shown | None) -> None:
         """Publish what is on the panel; None: the session is over."""
-        self._panel.publish(self._string(data=json.dumps(asdict(shown)) if shown is not None else ""))
+        with self._lock:
+            before, self._shown = self._shown, shown
+            asked = lambda one: (one.question, one.keys) if one is not None else None  # noqa: E731
+            if asked(before) != asked(shown):
+                self._id = secrets.token_urlsafe(9) if shown is not None else ""
+            self._publish()
+
+    def _publish(self) -> None:
+        shown = "" if self._shown is None else json.dumps(asdict(self._shown) | {"panel": self._id})
+        self._panel.publish(self._string(data=shown))
 
     def close(self) -> None:
         """Say that the session is over, and leave ROS."""

@@ -5,8 +5,10 @@ const $ = (id) => document.getElementById(id);
 const FACES = [...Array(8).keys()].map((n) => `TC${n + 1}`).concat([...Array(12).keys()].map((n) => `TO${n + 1}`));
 const SHORTEST_MM = 189, LONGEST_MM = 279;
 const RETRY_MS = 1000;
-const STOP_MS = 2000, SILENT_MS = 2500;
-let socket = null, facts = null, waiting = 0, heard = 0;
+const STOP_MS = 2000, STOP_AGAIN_MS = 500, SILENT_MS = 2500;
+let socket = null, facts = null, heard = 0;
+let panel = ""; // which question of a session is shown: a key answers this one and no other
+let stopping = 0, again = 0; // since when a stop is asked for and not yet answered; 0: none is
 
 function order(what, more = {}) {
   if (!socket || socket.readyState !== WebSocket.OPEN) return false;
@@ -19,44 +21,66 @@ function tell(words, kind) {
   $("told").className = kind || "";
 }
 
+// A stop is asked for until it is answered, also over a connection that is lost and comes back.
 function stop() {
-  tell("stopping …", "bad");
-  clearTimeout(waiting);
-  const unheard = () => tell("NOT STOPPED as far as this page knows: use the switch in the servo supply", "bad");
-  if (order("stop")) waiting = setTimeout(unheard, STOP_MS);
-  else unheard();
+  stopping = stopping || Date.now();
+  askToStop();
 }
 
+function askToStop() {
+  clearTimeout(again);
+  const sent = order("stop");
+  if (!sent || Date.now() - stopping > STOP_MS) tell("NOT STOPPED as far as this page knows: use the power switch. Still trying …", "bad");
+  else tell("stopping …", "bad");
+  text("lostStop", sent ? "" : "NOT STOPPED: there is no connection. Use the power switch. Still trying …");
+  again = setTimeout(askToStop, STOP_AGAIN_MS);
+}
+
+function stopAnswered() {
+  clearTimeout(again);
+  stopping = 0;
+  text("lostStop", "");
+}
+
+const at = (path) => new URL(path, location.href);
+const socketAt = (path) => at(path).href.replace(/^http/, "ws");
+
 function connect() {
-  socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/link`);
+  socket = new WebSocket(socketAt("link"));
   socket.onopen = () => {
     heard = Date.now();
-    const scene = encodeURIComponent(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/scene/socket`);
-    $("scene").src = `/scene?websocket=${scene}&hideViserLogo`;
-    tell("", "");
+    if (stopping) askToStop();
   };
   socket.onmessage = (event) => {
     const message = JSON.parse(event.data);
     heard = Date.now();
-    if (message.answer) {
-      if (message.answer.do === "stop") clearTimeout(waiting);
+    if (message.page) {
+      $("scene").src = `scene?websocket=${encodeURIComponent(socketAt(`scene/${message.page}`))}&hideViserLogo`;
+      if (!stopping) tell("", "");
+    } else if (message.answer) {
+      if (message.answer.do === "stop") stopAnswered();
       tell(message.answer.words, message.answer.done ? "good" : "bad");
     } else {
-      $("lost").hidden = true;
+      lost(false);
       show(message);
     }
   };
   socket.onclose = async () => {
-    $("lost").hidden = false;
-    const reply = await fetch("/").catch(() => null);
-    text("retry", reply && reply.status === 403 ? "the console has another token now: open the address that it printed" : "trying again …");
+    lost(true);
+    const reply = await fetch(at("./")).catch(() => null);
+    text("retry", reply && reply.status === 403 ? "the console has another address now: open the one that it printed" : "trying again …");
     setTimeout(connect, RETRY_MS);
   };
 }
 
+function lost(yes) {
+  $("lost").hidden = !yes;
+  if (yes) text("lostTitle", "No connection: use the power switch");
+}
+
 // A cable that was pulled closes no socket: silence is a lost connection, too.
 setInterval(() => {
-  if (heard && Date.now() - heard > SILENT_MS) $("lost").hidden = false;
+  if (heard && Date.now() - heard > SILENT_MS) lost(true);
 }, 500);
 
 function text(id, value) {
@@ -171,6 +195,7 @@ function struts(now) {
 }
 
 function trial(shown) {
+  panel = shown ? shown.panel || "" : "";
   $("trialCard").hidden = !shown;
   if (!shown) return;
   text("trialTitle", shown.kind || "trials");
@@ -178,7 +203,7 @@ function trial(shown) {
   text("trialQuestion", shown.trouble || shown.question || shown.phase);
   const rate = shown.done ? `, ${Math.round((100 * shown.successes) / shown.done)} % succeeded` : "";
   text("trialDone", `${shown.done} of ${shown.total} done${rate}. ${shown.last}`);
-  const keys = (shown.keys || "").split("   ").map((part) => part.trim()).filter(Boolean).map((part) => [part.split(" ")[0], part.slice(part.indexOf(" ") + 1)]);
+  const keys = String(shown.keys || "").split("   ").map((part) => part.trim()).filter((part) => part && !part.startsWith("space ")).map((part) => [part.split(" ")[0], part.slice(part.indexOf(" ") + 1)]);
   if ($("trialKeys").dataset.shown === shown.keys) return;
   $("trialKeys").dataset.shown = shown.keys || "";
   $("trialKeys").replaceChildren(...keys.map(([key, meaning]) => {
@@ -187,7 +212,7 @@ function trial(shown) {
     button.className = `key-${key} ${"uqp".includes(key) ? "small" : ""}`;
     button.dataset.key = key === "Enter" ? "enter" : key;
     button.append(Object.assign(document.createElement("kbd"), { textContent: key }), meaning);
-    button.onclick = () => order("key", { key: button.dataset.key });
+    button.onclick = () => order("key", { key: button.dataset.key, panel });
     return button;
   }));
 }
