@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 
 import numpy as np
-import yaml
 
 from hardware_bridge.bag_reader import Session
 from hardware_bridge.errors import BridgeError
@@ -14,7 +14,8 @@ from sim_core.actuators import ActuatorParameters
 from sim_core.follow import Event, Follower, Observed, Sent
 from sim_core.frozen import label_of
 from sim_core.model import Model, build_model
-from sim_core.parameters import load_prototype, parse_prototype
+from sim_core.parameters import Prototype, load_prototype, parse_prototype
+from sim_core.strict_yaml import parse_yaml
 
 
 class ReplayError(BridgeError):
@@ -65,12 +66,18 @@ class Replay:
     origin_s: float = 0.0
 
 
+def prototype_in(data: bytes, path: Path) -> Prototype:
+    """The prototype that is attached to a bag. Raises ParameterError, YamlError."""
+    where = f"{path}: prototype.yaml"
+    return parse_prototype(parse_yaml(data, where), where)
+
+
 def model_of(session: Session) -> Model:
     """The model whose parameters the bag holds; the nominal one if it holds none."""
     data = session.attachments.get("prototype.yaml")
     if data is None:
         return build_model(load_prototype())
-    return build_model(parse_prototype(yaml.safe_load(data), f"{session.path}: prototype.yaml"))
+    return build_model(prototype_in(data, session.path))
 
 
 def require_same_model(session: Session, model: Model) -> None:

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from hardware_bridge.bag_reader import Session, read_session, seconds_of
 from sim_core.actuators import ActuatorParameters, following
@@ -16,9 +15,11 @@ from sim_core.errors import SimError
 from sim_core.follow import Follower, Sent
 from sim_core.library import Gait, Library, gait_of, parse_library
 from sim_core.model import Model, build_model
-from sim_core.parameters import Prototype, load_prototype, parse_prototype, with_value
+from sim_core.parameters import Prototype, load_prototype, with_value
+from sim_core.strict_yaml import parse_yaml
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.pictures import observed_path
+from sixstrut_cli.replaying import prototype_in
 from sixstrut_cli.trials.message import lines_in_bag
 from sixstrut_cli.trials.record import Event, Line, Outcome, utc_ns
 
@@ -98,9 +99,7 @@ def changed_model(session: Session, changes: Mapping[str, float], actuators: Act
         SimError: no such parameter, or a value that is not valid.
     """
     data = session.attachments.get("prototype.yaml")
-    robot: Prototype = (
-        load_prototype() if data is None else parse_prototype(yaml.safe_load(data), f"{session.path}: prototype.yaml")
-    )
+    robot: Prototype = load_prototype() if data is None else prototype_in(data, session.path)
     # the lower of two that are bound to each other first, so that neither passes the other on the way
     for name in sorted(changes, key=lambda name: changes[name]):
         robot = with_value(robot, SHORT_NAMES.get(name, name), changes[name])
@@ -112,7 +111,8 @@ def library_of(session: Session) -> Library:
     data = session.attachments.get("library.yaml")
     if data is None:
         raise SessionError(f"{session.path} holds no library: odds cannot be told")
-    return parse_library(yaml.safe_load(data), f"{session.path}: library.yaml")
+    where = f"{session.path}: library.yaml"
+    return parse_library(parse_yaml(data, where), where)
 
 
 def gait_in(library: Library, line: Line) -> Gait:
