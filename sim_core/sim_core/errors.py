@@ -45,7 +45,7 @@ class UnknownFaceError(SimError):
 
     def __init__(self, face: object):
         self.face = face
-        super().__init__(f"unknown face {face!r}: valid are TC1..TC8 (closed triangles) and TO1..TO12 (open triangles)")
+        super().__init__(f"unknown face {brief(face)}: valid are TC1..TC8 (closed triangles) and TO1..TO12 (open triangles)")
 
 
 class NotAdjacentError(SimError):

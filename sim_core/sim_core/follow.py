@@ -14,8 +14,10 @@ import numpy as np
 
 from sim_core import actuators
 from sim_core.actuators import PERIOD_S, ActuatorParameters, hash_of
+from sim_core.errors import brief
 from sim_core.model import Model
 from sim_core.robot import Robot
+from sim_core.structure import FACES
 
 
 @dataclass(frozen=True)
@@ -39,8 +41,8 @@ class Observed:
 
 Event = Sent | Observed
 
-MOST_TIME_SCALE = 100
-"""Robot seconds per second of the fastest virtual prototype."""
+MOST_TIME_SCALE = 1000
+"""Robot seconds per second: more than a twin can step, of a fast virtual prototype in a bag that is played fast."""
 CREDIT_S = 600.0
 """Robot time that may pass at once: events that waited somewhere come in one burst."""
 MOST_ROBOT_TIME_NS = 10 * 365 * 86_400 * 1_000_000_000
@@ -62,6 +64,8 @@ def impossible(event: Event, mid_stroke_m: float) -> str:
         for number, length in enumerate(event.lengths_m, start=1):
             if not abs(length - mid_stroke_m) <= MOST_STROKE_M:  # also not-a-number
                 return f"a length of {length:.4g} m of S{number} is impossible"
+    elif event.face is not None and event.face not in FACES:
+        return f"a robot has no face {brief(event.face)}"
     return ""
 
 
@@ -87,7 +91,7 @@ class Pace:
             return f"the number of event {event.seq} jumps by {event.seq - self._seq}, farther than any bridge counts"
         self._credit_ns = credit_ns - max(0, ahead_ns)
         self._robot_ns, self._seq = max(self._robot_ns, event.robot_time_ns), max(self._seq, event.seq)
-        self._clock_ns = max(self._clock_ns, clock_ns)
+        self._clock_ns = clock_ns
         return ""
 
 

@@ -1,7 +1,7 @@
 """The one reader of YAML: strict, bounded in everything, and light to import.
 
 Files come from anywhere: from other people, out of bags, half written. So a file is bounded in size, nodes, depth and digits before
-anything is made of it. What YAML 1.1 and 1.2 read differently is refused, since its writer cannot have known what it would mean; but
+anything is made of it. What YAML 1.1 and 1.2 read differently is refused, since nobody can have known what it means; but
 dates are text, and so are keys. Documents are made from the parser's events, without recursion and without PyYAML's constructors.
 """
 
