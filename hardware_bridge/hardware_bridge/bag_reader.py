@@ -26,6 +26,8 @@ MOST_CHUNK = 64 << 20
 MOST_RATIO = 1000
 """All chunks together may unpack to so many times the file, and FREE more."""
 FREE = 256 << 20
+FREE_RECORDS = 1_000_000
+"""Beside one for each byte of the file."""
 MOST_MESSAGES = 4_000_000
 MOST_WANTED = 1 << 30
 """Bytes of the messages that are wanted, before they are decoded; nor more than FREE and 100 times the file."""
@@ -181,7 +183,7 @@ class _Reading:
         self._topics = topics
         self._schemas: dict[int, tuple[str, str, str]] = {}
         self._channels: dict[int, _Channel] = {}
-        self._messages = self._wanted = self._unpacked = self._attached = 0
+        self._records = self._wanted = self._unpacked = self._attached = 0
         self._at = 0
         self._crc = 0
 
@@ -300,7 +302,6 @@ class _Reading:
 
     def _take_message(self, data: bytes, start: int, end: int) -> None:
         number, _, log_time, _ = _MESSAGE_HEAD.unpack_from(data, start)
-        self._messages += 1
         channel = self._channels.get(number)
         if channel is None:
             raise self._damaged(f"a message of channel {number}, which it does not declare")
@@ -328,8 +329,11 @@ class _Reading:
         while at < len(data):
             opcode, length = _FRAME.unpack_from(data, at)
             at += _FRAME.size
-            if length > len(data) - at:
-                raise self._damaged("a record in a chunk is longer than the chunk")
+            self._records += 1
+            if opcode == 0 or length > len(data) - at:
+                raise self._damaged("a record in a chunk makes no sense")
+            if self._records > FREE_RECORDS + self._size:
+                raise self._fail(f"has more records than its {self._size} bytes can be worth", "it was not made by a recorder")
             if opcode == _MESSAGE:
                 self._take_message(data, at, at + length)
             elif opcode in (_SCHEMA, _CHANNEL):

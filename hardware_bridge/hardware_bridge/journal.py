@@ -16,7 +16,7 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
@@ -224,7 +224,7 @@ def _declared(journal: Path) -> dict[int, tuple[Channel, Schema | None]]:
     """Every channel with its schema, wherever in the journal it is declared: the recorder does so again and again."""
     schemas: dict[int, Schema | None] = {0: None}
     channels: dict[int, Channel] = {}
-    for record, _ in _records(journal, _Found()):
+    for record, _ in _records(journal, _Found(), (_SCHEMA, _CHANNEL)):
         if isinstance(record, Schema):
             schemas.setdefault(record.id, record)
         elif isinstance(record, Channel):
@@ -254,8 +254,8 @@ class _Found:
         self.places += 1
 
 
-def _records(path: Path, found: _Found) -> Iterator[tuple[McapRecord | None, int]]:
-    """Every record that can be read, with its size; None for one that makes no sense. Says in ``found`` what could not be read."""
+def _records(path: Path, found: _Found, kinds: Collection[int] = tuple(_KNOWN)) -> Iterator[tuple[McapRecord | None, int]]:
+    """Every record of these kinds, with its size; None for one that makes no sense. ``found`` says what could not be read."""
     with path.open("rb") as stream:
         head = stream.read(len(MAGIC) + _FRAME.size)
         whole = len(head) == len(MAGIC) + _FRAME.size and head.startswith(MAGIC + bytes([_HEADER]))
@@ -264,7 +264,7 @@ def _records(path: Path, found: _Found) -> Iterator[tuple[McapRecord | None, int
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
             found.checked = data.find(_SIGNATURE) >= 0
             for start, end in (_checked_spans if found.checked else _unchecked_spans)(data, found):
-                yield from _parsed(data, start, end)
+                yield from _parsed(data, start, end, kinds)
 
 
 def _marks(path: Path) -> bool:
@@ -402,7 +402,7 @@ class _Head(NamedTuple):
     end: int
 
 
-def _parsed(data: mmap.mmap, start: int, end: int) -> Iterator[tuple[McapRecord | None, int]]:
+def _parsed(data: mmap.mmap, start: int, end: int, kinds: Collection[int]) -> Iterator[tuple[McapRecord | None, int]]:
     """The records of a span; one that makes no sense is None."""
     while start + _FRAME.size <= end:
         opcode, length = _FRAME.unpack_from(data, start)
@@ -411,13 +411,13 @@ def _parsed(data: mmap.mmap, start: int, end: int) -> Iterator[tuple[McapRecord 
             yield None, end - start + _FRAME.size
             return
         read = _KNOWN.get(opcode)
-        if read is not None:
+        if opcode in kinds and read is not None:
             try:
                 record = read(ReadDataStream(BytesIO(data[start : start + length])), length)
             except (McapError, struct.error, ValueError, EOFError):
                 record = None
             yield record, length + _FRAME.size
-        elif opcode not in (_HEADER, _CHECK_OPCODE):
+        elif opcode not in (_HEADER, _CHECK_OPCODE, *_KNOWN):
             yield None, length + _FRAME.size
         start += length
 

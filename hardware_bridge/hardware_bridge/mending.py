@@ -18,8 +18,6 @@ from hardware_bridge.text import printable
 
 MEMORY = 1 << 30
 """Address space beside the journal itself, which is mapped, in bytes."""
-CPU_S = 300
-WALL_S = 900.0
 TOLD = 2
 """Exit code of a child that says itself why it could not; Python's own is 1."""
 
@@ -28,16 +26,17 @@ def mend(journal: Path, path: Path) -> str:
     """Finish a journal in a child process; what came of it, for people.
 
     Raises:
-        RecorderError: it could not be finished; the journal stays.
+        RecorderError: it could not be finished; the journal stays. OSError: it is not there any more.
     """
     words = [sys.executable, "-m", "hardware_bridge.mending", str(journal), str(path)]
+    limit_s = 5.0 * _cpu_s(journal.stat().st_size)
     # its standard input is held open by us alone: it ends when we do
     with subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as child:
         try:
-            code = child.wait(WALL_S)
+            code = child.wait(limit_s)
         except subprocess.TimeoutExpired:
             child.kill()
-            raise RecorderError(str(path), _given_up(journal, f"it took more than {WALL_S:g} s")) from None
+            raise RecorderError(str(path), _given_up(journal, f"it took more than {limit_s:.0f} s")) from None
         assert child.stdout is not None
         assert child.stderr is not None
         told, complaint = (stream.read(10_000).decode(errors="replace") for stream in (child.stdout, child.stderr))
@@ -47,6 +46,11 @@ def mend(journal: Path, path: Path) -> str:
         raise RecorderError(str(path), printable(told, 1000))
     last = complaint.strip().splitlines()[-1:] or [f"it ended with {code}"]
     raise RecorderError(str(path), _given_up(journal, printable(last[0])))
+
+
+def _cpu_s(size: int) -> int:
+    """Processor time for a journal of that size: many times what an honest one takes."""
+    return 120 + size // 500_000
 
 
 def _given_up(journal: Path, why: str) -> str:
@@ -72,7 +76,7 @@ def main(words: list[str]) -> int:
     try:
         size = journal.stat().st_size
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY + size, MEMORY + size))
-        resource.setrlimit(resource.RLIMIT_CPU, (CPU_S, CPU_S))
+        resource.setrlimit(resource.RLIMIT_CPU, (_cpu_s(size), _cpu_s(size)))
         resource.setrlimit(resource.RLIMIT_FSIZE, (2 * size + (64 << 20),) * 2)
         print(told_of(finish_journal(journal, path)))
         return 0
