@@ -9,12 +9,11 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
-
-import yaml
 
 from hardware_bridge.codecs.registry import BOARDS
 from hardware_bridge.errors import CalibrationError
+from sim_core.errors import YamlError, brief
+from sim_core.strict_yaml import parse_yaml, read_yaml
 
 STRUTS = ("S1", "S2", "S3", "S4", "S5", "S6")
 LONGEST_NAME = 40
@@ -126,11 +125,12 @@ def load_calibration(path: str | Path | None = None) -> Calibration:
         text = resources.files("hardware_bridge").joinpath("data", name).read_text(encoding="utf-8")
         return parse_calibration(text, name)
     try:
-        text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = getattr(error, "strerror", None) or "is not UTF-8 text"
-        raise CalibrationError(str(path), f"cannot be read ({reason}); give an existing YAML file") from error
-    return parse_calibration(text, str(path))
+        data = read_yaml(path)
+    except OSError as error:
+        raise CalibrationError(str(path), f"cannot be read ({error.strerror}); give an existing YAML file") from error
+    except YamlError as error:
+        raise _broken(str(path), error) from error
+    return _calibration_of(data, str(path))
 
 
 def parse_calibration(text: str, source: str) -> Calibration:
@@ -139,14 +139,25 @@ def parse_calibration(text: str, source: str) -> Calibration:
     Raises:
         CalibrationError: As :func:`load_calibration`.
     """
-    data = _parse_yaml(text, source)
+    try:
+        data = parse_yaml(text, source)
+    except YamlError as error:
+        raise _broken(source, error) from error
+    return _calibration_of(data, source)
+
+
+def _broken(source: str, error: YamlError) -> CalibrationError:
+    return CalibrationError(source, f"broken YAML, {error.problem}; {error.remedy}", line=error.line)
+
+
+def _calibration_of(data: object, source: str) -> Calibration:
     if not isinstance(data, Mapping) or set(data) - {"board", "robot"} != {"mid_stroke_length_m", "struts"}:
         got = sorted(map(str, data)) if isinstance(data, Mapping) else type(data).__name__
         raise CalibrationError(source, f"top level is {got}, valid is mid_stroke_length_m, struts and, if you like, board, robot")
     robot = None if data.get("robot") is None else robot_name(data["robot"], source)
     board = data.get("board")
     if board is not None and board not in BOARDS:
-        raise CalibrationError(source, f"board is {board!r}, valid is {', '.join(BOARDS)}")
+        raise CalibrationError(source, f"board is {brief(board)}, valid is {', '.join(BOARDS)}")
     mid_m = _number(source, None, "mid_stroke_length_m", data["mid_stroke_length_m"], _PLAUSIBLE_MID_STROKE_M)
     struts = data["struts"]
     if not isinstance(struts, Mapping):
@@ -185,7 +196,7 @@ def parse_strut(source: str, name: str, data: object) -> StrutCalibration:
     values = {key: _number(source, name, key, data[key], valid) for key, valid in _PLAUSIBLE.items()}
     direction = data["direction"]
     if isinstance(direction, bool) or direction not in (-1, 1):
-        raise CalibrationError(source, f"direction is {direction!r}, valid is 1 or -1", strut=name)
+        raise CalibrationError(source, f"direction is {brief(direction)}, valid is 1 or -1", strut=name)
     stroke = _pair(source, name, "stroke_mm", data["stroke_mm"], _PLAUSIBLE_STROKE_MM)
     pulse = _pair(source, name, "pulse_us", data["pulse_us"], _PLAUSIBLE_PULSE_US)
     if not stroke[0] < 0 < stroke[1]:
@@ -213,44 +224,14 @@ def _number(source: str, strut: str | None, field: str, value: object, valid: tu
     kind = "a whole number" if whole else "a number"
     good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     if not good or (whole and value != int(value)) or not valid[0] <= value <= valid[1]:  # type: ignore[call-overload,operator]
-        raise CalibrationError(source, f"{field} is {value!r}, valid is {kind} from {valid[0]} to {valid[1]}", strut)
+        raise CalibrationError(source, f"{field} is {brief(value)}, valid is {kind} from {valid[0]} to {valid[1]}", strut)
     return value  # type: ignore[return-value]
 
 
 def _pair(source: str, strut: str, field: str, value: object, valid: tuple[float, float]) -> tuple[float, float]:
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 2:
-        raise CalibrationError(source, f"{field} is {value!r}, valid is [low, high]", strut)
+        raise CalibrationError(source, f"{field} is {brief(value)}, valid is [low, high]", strut)
     low, high = (float(_number(source, strut, field, item, valid)) for item in value)
     if low >= high:
-        raise CalibrationError(source, f"{field} is {value!r}, low must be below high", strut)
+        raise CalibrationError(source, f"{field} is {brief(value)}, low must be below high", strut)
     return low, high
-
-
-class _UniqueKeyLoader(yaml.SafeLoader):
-    """YAML lets a second ``S1`` silently replace the first; here it is an error."""
-
-
-def _construct_unique(loader: _UniqueKeyLoader, node: yaml.MappingNode) -> dict[Any, Any]:
-    seen = set()
-    for key_node, _ in node.value:
-        key = str(key_node.value)
-        if key in seen:
-            raise yaml.MarkedYAMLError(problem=f"{key} is given twice", problem_mark=key_node.start_mark)
-        seen.add(key)
-    return loader.construct_mapping(node, deep=True)
-
-
-_UniqueKeyLoader.add_constructor(yaml.resolver.BaseResolver.DEFAULT_MAPPING_TAG, _construct_unique)
-
-
-def _parse_yaml(text: str, source: str) -> object:
-    try:
-        return yaml.load(text, Loader=_UniqueKeyLoader)  # a SafeLoader
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        problem = getattr(error, "problem", None) or "unreadable character"
-        line = None if mark is None else mark.line + 1
-        problem = f"broken YAML, {' '.join(str(problem).split())}; correct it"
-        raise CalibrationError(source, problem, line=line) from error
-    except (ValueError, RecursionError) as error:
-        raise CalibrationError(source, f"broken YAML, {error}; correct it") from error

@@ -8,10 +8,10 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-import yaml
-
 from hardware_bridge.calibration import STRUTS, Calibration, StrutCalibration, parse_calibration, parse_strut, robot_name
 from hardware_bridge.errors import CalibrationError
+from sim_core.errors import YamlError
+from sim_core.strict_yaml import read_yaml
 
 _HEAD = """\
 # Calibration of one robot, measured with `./sixstrut calibrate`. Another robot needs its own.
@@ -79,11 +79,11 @@ class Unfinished:
 
     def _load(self) -> None:
         try:
-            data = yaml.safe_load(self.path.read_text(encoding="utf-8"))
+            data = read_yaml(self.path)
             self.mid_stroke_length_m = float(data["mid_stroke_length_m"])
             found = dict(data["struts"] or {})
             robot = data.get("robot")
-        except (OSError, UnicodeDecodeError, yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError) as error:
+        except (OSError, YamlError, AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
             raise CalibrationError(str(self.path), "cannot be understood; remove it to begin anew") from error
         self.robot = None if robot is None else robot_name(robot, str(self.path))
         self.struts = {name: parse_strut(str(self.path), name, found[name]) for name in STRUTS if name in found}

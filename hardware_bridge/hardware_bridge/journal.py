@@ -1,22 +1,31 @@
 """From a journal, safe against crashes, to a log, good for readers.
 
-While a session lives, messages go unchunked into ``<name>.mcap.journal`` and each is flushed. At its end the journal is
-rewritten chunked, compressed and indexed as ``<name>.mcap``, read again and compared, and only then dropped. The same
-function finishes the journal of a session that was killed, up to the last whole record.
+While a session lives, messages go unchunked into ``<name>.mcap.journal`` and each is flushed. After each record comes another one,
+of a kind that other readers skip: the record's length and checksum behind a mark that nothing else has. At the session's end the
+journal is rewritten chunked, compressed and indexed as ``<name>.mcap``, read again and compared, and only then dropped. The same
+function finishes the journal of a session that was killed: damage costs the damaged place only, what follows it is found by the
+marks, and a journal of which more than a cut tail could not be read is kept. Journals of old have no marks; in them the next record
+is found by what a record of that session can look like.
 """
 
 from __future__ import annotations
 
 import hashlib
+import mmap
 import os
+import re
 import struct
-from collections.abc import Iterator
-from dataclasses import dataclass
+import zlib
+from collections.abc import Callable, Collection, Iterable, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
+from typing import BinaryIO, NamedTuple
 
+from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
 from mcap.reader import make_reader
-from mcap.records import Attachment, Channel, Header, McapRecord, Message, Metadata, Schema
+from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
@@ -24,6 +33,64 @@ from hardware_bridge.errors import RecorderError
 
 PROFILE = "ros2"
 LIBRARY = "sixstrut"
+MAGIC = b"\x89MCAP0\r\n"
+RECOVERY = "recovery"
+"""Metadata of a log that was made of what a killed session left."""
+DAMAGED = ".damaged"
+
+_FRAME = struct.Struct("<BQ")
+_CHECK = struct.Struct("<16sII")
+_CHECK_OPCODE = 0x80
+"""The first that MCAP leaves to applications; its readers skip what they do not know."""
+_MARK = b"sixstrut\xf1\x9d\x00\xe6\x7b\x8a\xff\x15"
+_SIGNATURE = _FRAME.pack(_CHECK_OPCODE, _CHECK.size) + _MARK
+_CHECK_SIZE = _FRAME.size + _CHECK.size
+_HEADER, _SCHEMA, _CHANNEL, _MESSAGE, _ATTACHMENT, _METADATA, _DATA_END = 1, 3, 4, 5, 9, 12, 15
+_KNOWN: dict[int, Callable[[ReadDataStream, int], McapRecord]] = {
+    _SCHEMA: lambda stream, length: Schema.read(stream),
+    _CHANNEL: lambda stream, length: Channel.read(stream),
+    _MESSAGE: Message.read,
+    _ATTACHMENT: lambda stream, length: Attachment.read(stream),
+    _METADATA: lambda stream, length: Metadata.read(stream),
+}
+_DAY_NS = 86_400_000_000_000
+_MESSAGE_HEAD = struct.Struct("<HIQQ")
+
+
+class Checked:
+    """A journal's stream for a ``Writer``: after each record, ``seal`` writes its check."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self._length = self._crc = 0
+
+    def write(self, data: bytes) -> int:
+        """As a file's."""
+        self._crc = zlib.crc32(data, self._crc)
+        self._length += len(data)
+        return self._stream.write(data)
+
+    def tell(self) -> int:
+        """As a file's."""
+        return self._stream.tell()
+
+    def flush(self) -> None:
+        """As a file's."""
+        self._stream.flush()
+
+    def write_records(self, records: Iterable[McapRecord]) -> None:
+        """Whole records."""
+        for record in records:
+            builder = RecordBuilder()
+            record.write(builder)
+            self.write(builder.end())
+
+    def seal(self) -> None:
+        """Ends what was written since the last time."""
+        if self._length:
+            body = _CHECK.pack(_MARK, self._length, self._crc)
+            self._stream.write(_FRAME.pack(_CHECK_OPCODE, len(body)) + body)
+        self._length = self._crc = 0
 
 
 @dataclass(frozen=True)
@@ -35,12 +102,20 @@ class Recording:
         messages: How many it has.
         counts: Messages of each topic.
         complete: The journal had its proper end; else the session was killed and the log holds what was acknowledged.
+        unread_bytes: Of the journal, that could not be read; a cut tail is not counted.
+        unread_places: How many places that were.
+        missing: Messages that are missing there, by their numbers.
+        kept: Where the journal is kept, if something was unread.
     """
 
     path: Path
     messages: int
     counts: dict[str, int]
     complete: bool
+    unread_bytes: int = 0
+    unread_places: int = 0
+    missing: int = 0
+    kept: Path | None = None
 
 
 @dataclass
@@ -66,48 +141,61 @@ class _Tally:
 
 
 def finish_journal(journal: Path, path: Path) -> Recording:
-    """Rewrites ``journal`` as ``path``, verifies it, makes it durable and removes the journal.
+    """Rewrites ``journal`` as ``path``, verifies it, makes it durable and removes the journal, or keeps it if it is damaged.
 
     Raises:
         RecorderError: It cannot be written, or does not read back as the journal does; the journal stays.
     """
     temporary = path.with_name(path.name + ".tmp")
     try:
-        source, complete = _rewrite(journal, temporary)
-        copy, whole = _tally(temporary)
-        if copy.value != source.value or not whole or _indexed_messages(temporary) != sum(source.counts.values()):
+        source, found = _rewrite(journal, temporary)
+        copy = _tally(temporary)
+        if copy.value != source.value or _indexed_messages(temporary) != sum(source.counts.values()):
             raise RecorderError(str(path), f"does not read back as written; the journal {journal} is kept")
         os.replace(temporary, path)
+        kept = _keep(journal) if found.places else None
+        if kept is None:
+            journal.unlink()
         _sync_directory(path.parent)
-        journal.unlink()
     except OSError as error:
         problem = f"cannot be finished ({error.strerror}); the journal {journal} is kept, free space and finish it again"
         raise RecorderError(str(path), problem) from error
     finally:
         temporary.unlink(missing_ok=True)
-    return Recording(path, sum(source.counts.values()), source.counts, complete)
+    messages = sum(source.counts.values())
+    return Recording(path, messages, source.counts, found.ended, found.unread, found.places, found.missing, kept)
 
 
-def _rewrite(journal: Path, target: Path) -> tuple[_Tally, bool]:
-    tally = _Tally.empty()
-    end = _End()
-    schemas: dict[int, int] = {0: 0}
+def _keep(journal: Path) -> Path:
+    number = 1
+    while (kept := journal.with_name(f"{journal.name}{DAMAGED}{number if number > 1 else ''}")).exists():
+        number += 1
+    os.replace(journal, kept)
+    return kept
+
+
+def _rewrite(journal: Path, target: Path) -> tuple[_Tally, _Found]:
+    tally, found = _Tally.empty(), _Found()
+    declared = _declared(journal)
     channels: dict[int, tuple[int, str]] = {}
+    newest: dict[int, int] = {}
     with target.open("wb") as stream:
-        writer = Writer(stream, compression=CompressionType.ZSTD)
+        writer = Writer(stream, compression=CompressionType.ZSTD, enable_data_crcs=True)
         writer.start(PROFILE, LIBRARY)
-        for record in _records(journal, end):
+        for number, (channel, schema) in declared.items():
+            kind = 0 if schema is None else writer.register_schema(schema.name, schema.encoding, schema.data)
+            own = writer.register_channel(channel.topic, channel.message_encoding, kind, channel.metadata)
+            channels[number] = own, channel.topic
+        for record, size in _records(journal, found):
             match record:
-                case Schema() if record.id not in schemas:
-                    schemas[record.id] = writer.register_schema(record.name, record.encoding, record.data)
-                case Channel() if record.id not in channels:
-                    schema = schemas[record.schema_id]
-                    number = writer.register_channel(record.topic, record.message_encoding, schema, record.metadata)
-                    channels[record.id] = number, record.topic
-                case Message():
+                case Schema() | Channel():
+                    pass
+                case Message() if record.channel_id in channels:
                     number, topic = channels[record.channel_id]
                     writer.add_message(number, record.log_time, record.data, record.publish_time, record.sequence)
                     tally.add_message(topic, record)
+                    found.missing += max(0, record.sequence - newest.get(record.channel_id, record.sequence - 1) - 1)
+                    newest[record.channel_id] = record.sequence
                 case Metadata():
                     writer.add_metadata(record.name, record.metadata)
                     tally.others += 1
@@ -115,50 +203,242 @@ def _rewrite(journal: Path, target: Path) -> tuple[_Tally, bool]:
                     times = record.create_time, record.log_time
                     writer.add_attachment(*times, record.name, record.media_type, record.data)
                     tally.others += 1
+                case _:  # of a channel or type that it does not declare, or whose declaration was damaged
+                    found.skip(size)
+        if found.places:
+            facts: dict[str, object] = {
+                "unread_bytes": found.unread,
+                "unread_places": found.places,
+                "missing_messages": found.missing,
+            }
+            facts |= {"missing_messages": found.missing, "checked": str(found.checked).lower(), "journal": journal.name + DAMAGED}
+            writer.add_metadata(RECOVERY, {name: str(value) for name, value in facts.items()})
+            tally.others += 1
         writer.finish()
         stream.flush()
         os.fsync(stream.fileno())
-    return tally, end.reached
+    return tally, found
 
 
-def _tally(path: Path) -> tuple[_Tally, bool]:
-    tally = _Tally.empty()
-    end = _End()
-    topics: dict[int, str] = {}
-    for record in _records(path, end):
-        match record:
-            case Channel():
-                topics[record.id] = record.topic
-            case Message():
-                tally.add_message(topics[record.channel_id], record)
-            case Metadata() | Attachment():
-                tally.others += 1
-    return tally, end.reached
+def _declared(journal: Path) -> dict[int, tuple[Channel, Schema | None]]:
+    """Every channel with its schema, wherever in the journal it is declared: the recorder does so again and again."""
+    schemas: dict[int, Schema | None] = {0: None}
+    channels: dict[int, Channel] = {}
+    for record, _ in _records(journal, _Found(), (_SCHEMA, _CHANNEL)):
+        if isinstance(record, Schema):
+            schemas.setdefault(record.id, record)
+        elif isinstance(record, Channel):
+            channels.setdefault(record.id, record)
+    return {number: (channel, schemas[channel.schema_id]) for number, channel in channels.items() if channel.schema_id in schemas}
 
 
-class _End:
-    reached = False
+@dataclass
+class _Found:
+    """What a journal turned out to be.
+
+    Attributes:
+        ended: It has its proper end. checked: It has checksums.
+        unread, places: Bytes that could not be read, in how many places; a tail that was cut does not count.
+        missing: Messages whose numbers were left out.
+    """
+
+    ended: bool = False
+    checked: bool = False
+    unread: int = 0
+    places: int = 0
+    missing: int = 0
+
+    def skip(self, size: int) -> None:
+        """Some bytes could not be read."""
+        self.unread += size
+        self.places += 1
 
 
-def _records(path: Path, end: _End) -> Iterator[McapRecord]:
-    """Every whole record, chunks opened; a cut tail ends it quietly, with ``end`` not reached."""
+def _records(path: Path, found: _Found, kinds: Collection[int] = tuple(_KNOWN)) -> Iterator[tuple[McapRecord | None, int]]:
+    """Every record of these kinds, with its size; None for one that makes no sense. ``found`` says what could not be read."""
     with path.open("rb") as stream:
-        records = StreamReader(stream, validate_crcs=True).records
-        first = True
-        while True:
+        head = stream.read(len(MAGIC) + _FRAME.size)
+        whole = len(head) == len(MAGIC) + _FRAME.size and head.startswith(MAGIC + bytes([_HEADER]))
+        if not whole and not _marks(path):
+            raise RecorderError(str(path), "is no MCAP file")
+        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            found.checked = data.find(_SIGNATURE) >= 0
+            for start, end in (_checked_spans if found.checked else _unchecked_spans)(data, found):
+                yield from _parsed(data, start, end, kinds)
+
+
+def _marks(path: Path) -> bool:
+    """Whether there is a check somewhere: a journal whose first bytes are damaged."""
+    with path.open("rb") as stream:
+        if os.fstat(stream.fileno()).st_size == 0:
+            return False
+        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
+            return data.find(_SIGNATURE) >= 0
+
+
+def _checked_spans(data: mmap.mmap, found: _Found) -> Iterator[tuple[int, int]]:
+    """Spans of whole records whose checksums fit. After the last check, what was not acknowledged any more: a tail."""
+    done = 0
+    at = data.find(_SIGNATURE)
+    while at >= 0 and at + _CHECK_SIZE <= len(data):
+        _, length, crc = _CHECK.unpack_from(data, at + _FRAME.size)
+        start = at - length
+        if start >= done and _crc(data, start, at) == crc:
+            if start > done:
+                found.skip(start - done)
+            yield max(start, len(MAGIC)), at
+            done = at + _CHECK_SIZE
+        at = data.find(_SIGNATURE, max(done, at + 1))
+    yield from _unchecked_spans(data, found, done)
+
+
+def _crc(data: mmap.mmap, start: int, end: int) -> int:
+    with memoryview(data) as view, view[start:end] as span:
+        return zlib.crc32(span)
+
+
+def _unchecked_spans(data: mmap.mmap, found: _Found, at: int = len(MAGIC)) -> Iterator[tuple[int, int]]:
+    """Spans of records as they follow each other, each believed only if what follows can be one; else the next is sought."""
+    looks = _Looks(data)
+    while at < len(data):
+        end = looks.end(at)
+        if end is not None and data[at] == _DATA_END:
+            found.ended = True
+            return
+        if end is not None and looks.followed(at, end):
+            looks.learn(at)
+            yield at, end
+            at = end
+            continue
+        following = looks.next(at + 1)
+        if following is None:
+            if not looks.cut(at):
+                found.skip(len(data) - at)
+            return
+        found.skip(following - at)
+        at = following
+
+
+@dataclass
+class _Looks:
+    """What a record of this journal can look like: judged by those before it."""
+
+    data: mmap.mmap
+    channels: set[int] = field(default_factory=set)
+    log_time: int | None = None
+    _pattern: re.Pattern[bytes] | None = None
+
+    def end(self, at: int) -> int | None:
+        """Where the record that begins here ends; None: none that is whole begins here."""
+        head = self._head(at)
+        return None if head is None or head.end > len(self.data) else head.end
+
+    def cut(self, at: int) -> bool:
+        """Whether a record begins here whose end is not there any more, or part of its first bytes."""
+        left = len(self.data) - at
+        if left < _FRAME.size + _MESSAGE_HEAD.size:
+            return left == 0 or self.data[at] in (*_KNOWN, _DATA_END, _CHECK_OPCODE)
+        head = self._head(at)
+        return head is not None and head.end > len(self.data)
+
+    def _head(self, at: int) -> _Head | None:
+        if at + _FRAME.size > len(self.data):
+            return None
+        opcode, length = _FRAME.unpack_from(self.data, at)
+        end = at + _FRAME.size + length
+        if opcode == _CHECK_OPCODE:
+            mark = self.data[at + _FRAME.size : at + _FRAME.size + len(_MARK)]
+            return _Head(end) if length == _CHECK.size and _MARK.startswith(mark) else None
+        if opcode == _MESSAGE:
+            if length < _MESSAGE_HEAD.size or at + _FRAME.size + _MESSAGE_HEAD.size > len(self.data):
+                return None
+            channel, _, log_time, _ = _MESSAGE_HEAD.unpack_from(self.data, at + _FRAME.size)
+            if self.log_time is None:
+                likely = channel in self.channels or not self.channels
+            else:
+                likely = abs(log_time - self.log_time) < _DAY_NS
+            return _Head(end) if likely and length < 1 << 32 else None
+        return _Head(end) if opcode in (_HEADER, _DATA_END, *_KNOWN) and length < 1 << 32 else None
+
+    def followed(self, at: int, end: int) -> bool:
+        """Whether what comes after a record can be one, or the end, a cut one, or a hole."""
+        known = set(self.channels)
+        if self.data[at] == _CHANNEL:  # what follows may be of that channel
+            self.channels.add(self._channel(at))
+        after, before = self.data[end : end + _FRAME.size], self.data[max(at, end - _FRAME.size) : end]
+        hole = not any(after) and (any(before) or not after)  # as a power cut leaves it, not within the record; or the end
+        follows = hole or self.end(end) is not None or self.cut(end)
+        self.channels = known
+        return follows
+
+    def _channel(self, at: int) -> int:
+        return int(struct.unpack_from("<H", self.data, at + _FRAME.size)[0]) if at + _FRAME.size + 2 <= len(self.data) else -1
+
+    def learn(self, at: int) -> None:
+        """A record that is believed."""
+        opcode, _ = _FRAME.unpack_from(self.data, at)
+        if opcode == _CHANNEL:
+            self.channels.add(self._channel(at))
+            self._pattern = None
+        elif opcode == _MESSAGE:
+            self.log_time = _MESSAGE_HEAD.unpack_from(self.data, at + _FRAME.size)[2]
+
+    def next(self, at: int) -> int | None:
+        """Where the next record begins that can be one and is followed by another, by the end, or by a cut one."""
+        if self._pattern is None:  # a known kind, a length below 4 GB, for a message a known channel
+            numbers = b"|".join(re.escape(struct.pack("<H", channel)) for channel in sorted(self.channels) if channel >= 0) or b".."
+            kinds = b"[" + re.escape(bytes([_SCHEMA, _CHANNEL, _ATTACHMENT, _METADATA, _DATA_END])) + b"]"
+            self._pattern = re.compile(b"\\x05.{4}\\x00{4}(?:" + numbers + b")|" + kinds + b".{4}\\x00{4}", re.DOTALL)
+        while (match := self._pattern.search(self.data, at)) is not None:
+            start = match.start()
+            end = self.end(start)
+            if end is not None and end > start + _FRAME.size and self.followed(start, end):
+                return start
+            at = start + 1
+        return None
+
+
+class _Head(NamedTuple):
+    end: int
+
+
+def _parsed(data: mmap.mmap, start: int, end: int, kinds: Collection[int]) -> Iterator[tuple[McapRecord | None, int]]:
+    """The records of a span; one that makes no sense is None."""
+    while start + _FRAME.size <= end:
+        opcode, length = _FRAME.unpack_from(data, start)
+        start += _FRAME.size
+        if length > end - start:
+            yield None, end - start + _FRAME.size
+            return
+        read = _KNOWN.get(opcode)
+        if opcode in kinds and read is not None:
             try:
-                record = next(records)
-            except StopIteration:
-                end.reached = True
-                return
+                record = read(ReadDataStream(BytesIO(data[start : start + length])), length)
             except (McapError, struct.error, ValueError, EOFError):
-                if first:
-                    raise RecorderError(str(path), "is no MCAP file") from None
-                return
-            if first and not isinstance(record, Header):
-                raise RecorderError(str(path), "is no MCAP file")
-            first = False
-            yield record
+                record = None
+            yield record, length + _FRAME.size
+        elif opcode not in (_HEADER, _CHECK_OPCODE, *_KNOWN):
+            yield None, length + _FRAME.size
+        start += length
+
+
+def _tally(path: Path) -> _Tally:
+    """Of a log that was just written. Raises RecorderError: it does not read back."""
+    tally = _Tally.empty()
+    topics: dict[int, str] = {}
+    try:
+        with path.open("rb") as stream:
+            for record in StreamReader(stream, validate_crcs=True).records:
+                match record:
+                    case Channel():
+                        topics[record.id] = record.topic
+                    case Message():
+                        tally.add_message(topics[record.channel_id], record)
+                    case Metadata() | Attachment():
+                        tally.others += 1
+    except (McapError, struct.error, ValueError, EOFError, KeyError) as error:
+        raise RecorderError(str(path), f"does not read back ({error}); the journal is kept") from error
+    return tally
 
 
 def _indexed_messages(path: Path) -> int:

@@ -14,15 +14,19 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, cast
 
+from mcap.records import Channel, Schema
 from mcap.writer import IndexType, Writer
 
 from hardware_bridge.errors import RecorderError
-from hardware_bridge.journal import LIBRARY, PROFILE, Recording, finish_journal
+from hardware_bridge.journal import LIBRARY, PROFILE, Checked, Recording, finish_journal
 
 _log = logging.getLogger(__name__)
 
 PREFIX = "/recorded/"
+DECLARED_FIRST, DECLARED_EVERY = 100, 5000
+"""After so many messages the journal says again which topics it has."""
 _FOREVER = "{sec: 9223372036, nsec: 854775807}"
 
 
@@ -118,6 +122,7 @@ class Recorder:
         self._lock = threading.RLock()
         self._types: dict[str, str] = {}
         self._fault = ""
+        self._declared: list[Schema | Channel] = []
         self._written = 0
         self._lost = 0
         self._most_waiting = 0
@@ -132,8 +137,10 @@ class Recorder:
             raise RecorderError(str(self.path), problem) from None
         except OSError as error:
             raise RecorderError(str(self.path), f"cannot be written ({error.strerror}); choose another folder") from error
-        self._writer = Writer(self._stream, use_chunking=False, index_types=IndexType.NONE)
+        self._checked = Checked(self._stream)
+        self._writer = Writer(cast(Any, self._checked), use_chunking=False, index_types=IndexType.NONE)
         self._writer.start(PROFILE, LIBRARY)
+        self._checked.seal()
         self._stream.flush()
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
@@ -313,8 +320,11 @@ class Recorder:
                 sequence = sequences[item.topic] = sequences.get(item.topic, 0) + 1
                 writer.add_message(channels[item.topic], item.log_time_ns, item.data, item.publish_time_ns, sequence)
             case _Channel():
-                schema = writer.register_schema(item.type_name, "ros2msg", item.schema_text.encode())
-                channels[item.topic] = writer.register_channel(item.topic, "cdr", schema, dict(item.metadata))
+                text = item.schema_text.encode()
+                schema = writer.register_schema(item.type_name, "ros2msg", text)
+                number = channels[item.topic] = writer.register_channel(item.topic, "cdr", schema, dict(item.metadata))
+                self._declared.append(Schema(id=schema, name=item.type_name, encoding="ros2msg", data=text))
+                self._declared.append(Channel(number, item.topic, "cdr", dict(item.metadata), schema))
             case _Metadata():
                 writer.add_metadata(item.name, dict(item.data))
             case _Attachment():
@@ -323,6 +333,10 @@ class Recorder:
                 self._stream.flush()
                 os.fsync(self._stream.fileno())
                 item.done.set()
+        self._checked.seal()
         self._stream.flush()
         if isinstance(item, _Message):
             self._written += 1
+            if self._written == DECLARED_FIRST or self._written % DECLARED_EVERY == 0:  # damage at one place takes no topic away
+                self._checked.write_records(self._declared)
+                self._checked.seal()

@@ -29,11 +29,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 from numpy.typing import NDArray
 
-from sim_core.errors import ParameterError
+from sim_core.errors import ParameterError, YamlError, brief
 from sim_core.parameters import SOURCES, Prototype, Spec
+from sim_core.strict_yaml import read_yaml
 
 Array = NDArray[np.float64]
 SCHEMA = 1
@@ -208,13 +208,13 @@ def load_actuators(path: Path | str | None = None) -> ActuatorParameters:
     """
     file = default_path() if path is None else Path(path)
     try:
-        document = yaml.safe_load(file.read_text(encoding="utf-8"))
+        document = read_yaml(file)
     except OSError as error:
         raise ParameterError(
             f"cannot read actuator file {file}: {error.strerror}; give {IDEAL}, {STAND_IN} or a YAML file"
         ) from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ParameterError(f"{file} is not valid YAML: {' '.join(str(error).split())}") from error
+    except YamlError as error:
+        raise ParameterError(str(error)) from error
     return parse_actuators(document, str(file))
 
 
@@ -248,11 +248,11 @@ def parse_actuators(document: Any, file: str) -> ActuatorParameters:
 def _value(file: str, name: str, row: Any) -> float:
     spec = SPECS[name]
     if not isinstance(row, Mapping) or not {"value", "unit", "source"} <= row.keys():
-        raise ParameterError(f"{file}: {name} must be {{value: ..., unit: ..., source: ...}}, got {row!r}")
+        raise ParameterError(f"{file}: {name} must be {{value: ..., unit: ..., source: ...}}, got {brief(row)}")
     if row["unit"] != spec.unit or row["source"] not in SOURCES:
-        got = f"unit {row['unit']!r} and source {row['source']!r}"
+        got = f"unit {brief(row['unit'])} and source {brief(row['source'])}"
         raise ParameterError(f"{file}: {name} has {got}; valid are {spec.unit!r} and one of {', '.join(SOURCES)}")
     value = row["value"]
     if not isinstance(value, (int, float)) or isinstance(value, bool) or not spec.low <= value <= spec.high:
-        raise ParameterError(f"{file}: {name} = {value!r}: valid is a number in [{spec.low:g}, {spec.high:g}] {spec.unit}")
+        raise ParameterError(f"{file}: {name} = {brief(value)}: valid is a number in [{spec.low:g}, {spec.high:g}] {spec.unit}")
     return float(value)

@@ -13,11 +13,11 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from sim_core import kernel as k
 from sim_core import relax as q
 from sim_core import watch as w
+from sim_core.compiled_cache import njit
 from sim_core.elements import PREVIOUS, Array
 from sim_core.errors import ModelError
 from sim_core.lanes import ALIGNMENT, WIDTH

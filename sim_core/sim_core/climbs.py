@@ -12,7 +12,9 @@ from typing import Any
 
 import yaml
 
+from sim_core.errors import YamlError
 from sim_core.library import Gait, Library, libraries_folder
+from sim_core.strict_yaml import read_yaml
 
 SCHEMA = 1
 USUAL_DEG: Mapping[str, float] = {"TC": 1.8, "TO": 5.5}
@@ -62,9 +64,9 @@ def load_climbs(library: Library) -> Climbs | None:
     """What was measured of a shipped library; None if nothing was, or it is another library's."""
     file = libraries_folder().parent / "climbs" / f"{library.name}.yaml"
     try:
-        document: Any = yaml.safe_load(file.read_text(encoding="utf-8"))
+        document: Any = read_yaml(file)
         steepest = {str(name): float(deg) for name, deg in document["steepest_deg"].items()}
         climbs = Climbs(str(document["library_hash"]), str(document["how"]), steepest)
-    except (OSError, yaml.YAMLError, AttributeError, KeyError, TypeError, ValueError):
+    except (OSError, YamlError, AttributeError, KeyError, TypeError, ValueError, OverflowError):
         return None
     return climbs if climbs.library_hash == library.hash else None

@@ -4,6 +4,8 @@ numba looks only at the file of the cached function itself: after a change of a 
 would go on using the
 old code. So the folder's name holds a hash of every source of this package. It lies beside the sources if that is writable,
 else in the user's cache.
+
+Whoever compiles takes `njit` from here, so that the folder is set before; what compiles nothing needs no numba at all.
 """
 
 from __future__ import annotations
@@ -14,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 import numba
+from numba import njit as njit
 
 
 def use_own_folder() -> Path:
@@ -35,3 +38,6 @@ def use_own_folder() -> Path:
     config: Any = numba.config
     config.CACHE_DIR = str(folder)
     return folder
+
+
+use_own_folder()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +12,11 @@ import numpy as np
 import yaml
 
 from sim_core.elements import Array
-from sim_core.errors import SimError
+from sim_core.errors import SimError, YamlError, brief, one_line
 from sim_core.members import Member, member_model
 from sim_core.model import Model
 from sim_core.posterior import effective_size, systematic
+from sim_core.strict_yaml import read_yaml
 
 SCHEMA = 1
 COLUMNS = (
@@ -100,11 +102,11 @@ def load_posterior(path: Path | str) -> Posterior:
         EnsembleError: cannot be read, or is none; says what was got and what is valid.
     """
     try:
-        document: Any = yaml.safe_load(Path(path).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError) as error:
-        raise EnsembleError(f"cannot read ensemble {path}: {getattr(error, 'strerror', error)}; {HINT}") from error
-    except yaml.YAMLError as error:
-        raise EnsembleError(f"{path} is not valid YAML: {getattr(error, 'problem', None) or error}; {HINT}") from error
+        document: Any = read_yaml(path)
+    except OSError as error:
+        raise EnsembleError(f"cannot read ensemble {path}: {error.strerror}; {HINT}") from error
+    except YamlError as error:
+        raise EnsembleError(f"{error}; {HINT}") from error
     if not isinstance(document, Mapping) or document.get("schema") != SCHEMA or document.get("columns") != list(COLUMNS):
         raise EnsembleError(f"{path} is not an ensemble of this version: valid is a mapping with schema: {SCHEMA}; {HINT}")
     try:
@@ -115,8 +117,10 @@ def load_posterior(path: Path | str) -> Posterior:
         )
         weights = np.array([row[0] for row in rows])
         model_hash, provenance = str(document["model_hash"]), dict(document["provenance"])
-    except (KeyError, TypeError, ValueError) as error:
-        raise EnsembleError(f"{path}: {error}; valid members are lists of {len(COLUMNS)} numbers: {', '.join(COLUMNS)}") from error
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
+        raise EnsembleError(
+            f"{path}: {one_line(str(error), 160)}; valid members are lists of {len(COLUMNS)} numbers: {', '.join(COLUMNS)}"
+        ) from error
     if not len(weights) or (weights < 0.0).any() or not np.isfinite(weights).all() or not weights.sum() > 0.0:
         raise EnsembleError(f"{path}: valid weights are numbers of 0 or more, at least one of them positive")
     return Posterior(model_hash, provenance, noise, members, weights / weights.sum())
@@ -124,5 +128,8 @@ def load_posterior(path: Path | str) -> Posterior:
 
 def _row(row: Any) -> list[float]:
     if not isinstance(row, list) or len(row) != len(COLUMNS):
-        raise ValueError(f"member {row!r}")
-    return [float(value) for value in row]
+        raise ValueError(f"member {brief(row)}")
+    values = [float(value) for value in row]
+    if not all(map(math.isfinite, values)):
+        raise ValueError(f"member {brief(row)}")
+    return values

@@ -2,9 +2,42 @@
 
 from __future__ import annotations
 
+import reprlib
+
 
 class SimError(Exception):
     """Base of every error raised by sim_core."""
+
+
+_SHORT = reprlib.Repr(maxlevel=2, maxdict=4, maxlist=6, maxtuple=6, maxstring=60, maxlong=40, maxother=60)
+
+
+def brief(value: object) -> str:
+    """A value for an error text, however large it is and whatever is in it."""
+    return one_line(_SHORT.repr(value))
+
+
+def one_line(text: str, most: int = 80) -> str:
+    """Text for an error text: one short line without control characters."""
+    shown = "".join(character if character.isprintable() else "?" for character in " ".join(text[: 4 * most].split()))
+    return shown if len(shown) <= most else shown[: most - 1] + "…"
+
+
+class FileError(SimError):
+    """A file that is not what it should be: `problem`, `remedy`, and its line (from 1) if that is known."""
+
+    kind = "cannot be used"
+
+    def __init__(self, where: str, problem: str, remedy: str, line: int | None = None):
+        self.where, self.problem, self.remedy, self.line = where, one_line(problem, 160), remedy, line
+        at = "" if line is None else f" at line {line}"
+        super().__init__(f"{where} {self.kind}{at}: {self.problem}; {remedy}")
+
+
+class YamlError(FileError):
+    """Text that is not YAML, or not as strict as is asked here."""
+
+    kind = "is not valid YAML"
 
 
 class UnknownFaceError(SimError):
@@ -12,7 +45,7 @@ class UnknownFaceError(SimError):
 
     def __init__(self, face: object):
         self.face = face
-        super().__init__(f"unknown face {face!r}: valid are TC1..TC8 (closed triangles) and TO1..TO12 (open triangles)")
+        super().__init__(f"unknown face {brief(face)}: valid are TC1..TC8 (closed triangles) and TO1..TO12 (open triangles)")
 
 
 class NotAdjacentError(SimError):

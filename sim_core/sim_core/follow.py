@@ -14,8 +14,10 @@ import numpy as np
 
 from sim_core import actuators
 from sim_core.actuators import PERIOD_S, ActuatorParameters, hash_of
+from sim_core.errors import brief
 from sim_core.model import Model
 from sim_core.robot import Robot
+from sim_core.structure import FACES
 
 
 @dataclass(frozen=True)
@@ -38,6 +40,63 @@ class Observed:
 
 
 Event = Sent | Observed
+
+MOST_TIME_SCALE = 1000
+"""Robot seconds per second: more than a twin can step, of a fast virtual prototype in a bag that is played fast."""
+CREDIT_S = 600.0
+"""Robot time that may pass at once: events that waited somewhere come in one burst."""
+MOST_ROBOT_TIME_NS = 10 * 365 * 86_400 * 1_000_000_000
+MOST_STROKE_M = 0.15
+"""As far as a calibration may say that an actuator goes."""
+EVENTS_PER_S = 1000
+"""More than a bridge ever numbers in a second of robot time."""
+SLICE_S = 2.0
+"""Robot time that is stepped without a look at anything else."""
+
+
+def impossible(event: Event, mid_stroke_m: float) -> str:
+    """Why no bridge can have told this event of struts of that mid stroke (m); empty: it can have."""
+    if not 0 <= event.robot_time_ns <= MOST_ROBOT_TIME_NS:
+        return f"robot time {event.robot_time_ns / 1e9:.4g} s is impossible"
+    if event.seq < 1:
+        return f"event number {event.seq} is impossible"
+    if isinstance(event, Sent):
+        for number, length in enumerate(event.lengths_m, start=1):
+            if not abs(length - mid_stroke_m) <= MOST_STROKE_M:  # also not-a-number
+                return f"a length of {length:.4g} m of S{number} is impossible"
+    elif event.face is not None and event.face not in FACES:
+        return f"a robot has no face {brief(event.face)}"
+    return ""
+
+
+class Pace:
+    """Keeps a stream's robot time to the pace of another clock: no number in an event becomes unbounded work."""
+
+    def __init__(self) -> None:
+        self._robot_ns: int | None = None
+        self._seq = 0
+        self._clock_ns = 0
+        self._credit_ns = 0
+
+    def refuses(self, event: Event, clock_ns: int) -> str:
+        """Why an event cannot follow those before, at a time of that clock (ns); empty: it can, and is taken note of."""
+        if self._robot_ns is None:
+            self._robot_ns, self._seq, self._clock_ns, self._credit_ns = event.robot_time_ns, event.seq, clock_ns, _ns(CREDIT_S)
+            return ""
+        ahead_ns = event.robot_time_ns - self._robot_ns
+        credit_ns = min(self._credit_ns, _ns(CREDIT_S)) + MOST_TIME_SCALE * max(0, clock_ns - self._clock_ns)
+        if ahead_ns > credit_ns:
+            return f"robot time jumps by {ahead_ns / 1e9:.4g} s at event {event.seq}, faster than any robot's clock"
+        if event.seq - self._seq > EVENTS_PER_S * (1 + max(0, ahead_ns) / 1e9):
+            return f"the number of event {event.seq} jumps by {event.seq - self._seq}, farther than any bridge counts"
+        self._credit_ns = credit_ns - max(0, ahead_ns)
+        self._robot_ns, self._seq = max(self._robot_ns, event.robot_time_ns), max(self._seq, event.seq)
+        self._clock_ns = clock_ns
+        return ""
+
+
+def _ns(seconds: float) -> int:
+    return round(seconds * 1e9)
 
 
 class Order:
@@ -113,15 +172,32 @@ class Follower:
         """Steps since the first event, across resets."""
         return self._steps_before_reset + self.robot.step
 
-    def apply(self, event: Event) -> None:
-        """Bring the model to the event's time, then act on it. Events must come in the order of their numbers."""
+    def approach(self, event: Event) -> bool:
+        """Step towards the event's time, at most SLICE_S of robot time; whether it is reached.
+
+        Slices change no bit. Who has something else to do calls this until it is reached, then `apply`.
+
+        Raises:
+            DivergedError.
+        """
         at = event.robot_time_ns * self.model.steps_per_second // 1_000_000_000
         if self.first_seq == 0:
             self.first_seq = event.seq
             self._origin = at - self.step
         steps = at - self._origin - self.step
+        most = round(SLICE_S * self.model.steps_per_second)
         if steps > 0:
-            self._advance(steps)
+            self._advance(min(steps, most))
+        return steps <= most
+
+    def apply(self, event: Event) -> None:
+        """Bring the model to the event's time, then act on it. Events must come in the order of their numbers.
+
+        Raises:
+            DivergedError.
+        """
+        while not self.approach(event):
+            pass
         self.robot_time_ns = event.robot_time_ns
         if isinstance(event, Sent):
             self._commanded_m = self.model.rest_lengths(np.array(event.lengths_m))

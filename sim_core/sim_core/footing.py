@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from sim_core.compiled_cache import njit
 from sim_core.elements import Array
 from sim_core.structure import FACES, STRUTS
 

@@ -10,10 +10,10 @@ from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
-import yaml
 
 from sim_core.model import Model
 from sim_core.robot import Robot
+from sim_core.strict_yaml import parse_yaml
 
 PROBE_M = np.array([0.012, -0.021, -0.008, 0.017, -0.026, 0.005])
 """Strokes of the probe's motion."""
@@ -35,7 +35,7 @@ class Frozen(NamedTuple):
 
 def frozen_models() -> tuple[Frozen, ...]:
     """All versions, oldest first."""
-    document = yaml.safe_load((files("sim_core") / "data" / "frozen.yaml").read_text(encoding="utf-8"))
+    document = parse_yaml((files("sim_core") / "data" / "frozen.yaml").read_bytes(), "frozen.yaml")
     return tuple(Frozen(row["version"], row["model_hash"], row["motion"]) for row in document["models"])
 
 

@@ -26,9 +26,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from sim_core.compiled_cache import njit
 from sim_core.lanes import add_to, any_of, larger, load, root, select, smaller, store
 
 # Rows of one particle in `state`: position, half-step velocity, orientation quaternion (w x y z), half-step spatial spin.

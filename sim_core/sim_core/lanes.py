@@ -14,10 +14,12 @@ import operator
 from typing import Any
 
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.core.typing.templates import ConcreteTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
+
+from sim_core.compiled_cache import njit
 
 WIDTH = 8
 """Robots in a vector: eight float64 are one cache line, and one AVX-512 register."""

@@ -12,8 +12,9 @@ from typing import Any
 
 import yaml
 
-from sim_core.errors import LibraryError, PolicyError
+from sim_core.errors import LibraryError, PolicyError, YamlError, brief
 from sim_core.policy import Policy, checked_policy
+from sim_core.strict_yaml import read_yaml
 from sim_core.structure import require_adjacent
 from sim_core.symmetry import CLASSES, RollClass, carrier, class_of
 
@@ -114,14 +115,12 @@ def load_library(name_or_path: str | Path = "robust") -> Library:
     if path.suffix != ".yaml":
         path = libraries_folder() / f"{name_or_path}.yaml"
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        document = read_yaml(path)
     except OSError as error:
         shipped = ", ".join(sorted(p.stem for p in libraries_folder().glob("*.yaml")))
         raise LibraryError(f"cannot read library {path}: {error.strerror}; shipped are: {shipped}") from error
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}" if mark else ""
-        raise LibraryError(f"{path} is not valid YAML{where}: {getattr(error, 'problem', None) or error}") from error
+    except YamlError as error:
+        raise LibraryError(str(error)) from error
     return parse_library(document, str(path))
 
 
@@ -129,15 +128,35 @@ def parse_library(document: Any, where: str) -> Library:
     """A library from its parsed YAML. Raises LibraryError."""
     if not isinstance(document, Mapping) or document.get("schema") != SCHEMA or "primitives" not in document:
         raise LibraryError(f"{where} is not a primitive library: valid is a mapping with schema: {SCHEMA} and primitives: [...]")
+    rows, name, provenance = document["primitives"], document.get("name", where), document.get("provenance") or {}
+    if not isinstance(rows, list) or not rows:
+        raise LibraryError(f"{where}: primitives is {brief(rows)}; valid is a list of one or more")
+    if not isinstance(name, str):
+        raise LibraryError(f"{where}: name is {brief(name)}; valid is text: write it in quotes")
+    if not isinstance(provenance, Mapping):
+        raise LibraryError(f"{where}: provenance is {brief(provenance)}; valid is a mapping")
+    return Library(name, _text(where, document, "model_hash", ""), dict(provenance), _primitives(rows, where))
+
+
+def _text(where: str, row: Mapping[str, Any], key: str, default: str) -> str:
+    """Text; a whole number is taken for text that looks like one. Raises LibraryError."""
+    value = row.get(key, default)
+    if isinstance(value, bool) or not isinstance(value, (str, int)):
+        raise LibraryError(f"{where}: {key} is {brief(value)}; valid is text")
+    return str(value)
+
+
+def _primitives(rows: list[Any], where: str) -> tuple[Primitive, ...]:
     primitives, names = [], set()
-    for number, row in enumerate(document["primitives"], start=1):
+    for number, row in enumerate(rows, start=1):
         try:
-            name = str(row.get("name", f"P{number}"))
+            name = _text(f"{where}: primitive {number}", row, "name", f"P{number}")
             policy = checked_policy(row["policy_mm"], 10_000)
             roll_class = CLASSES[row["class"]]
-        except (KeyError, TypeError, AttributeError) as error:
+            margins = {key: float(value) for key, value in dict(row.get("margins") or {}).items()}
+        except (KeyError, TypeError, AttributeError, ValueError) as error:
             raise LibraryError(
-                f"{where}: primitive {number} is {row!r}; "
+                f"{where}: primitive {number} is {brief(row)}; "
                 f"valid is {{name, class: {' or '.join(CLASSES)}, policy_mm: [six whole mm]}}"
             ) from error
         except PolicyError as error:
@@ -145,13 +164,8 @@ def parse_library(document: Any, where: str) -> Library:
         if name in names:
             raise LibraryError(f"{where}: two primitives are called {name!r}; names must differ")
         names.add(name)
-        primitives.append(Primitive(name, roll_class, policy, dict(row.get("margins") or {})))
-    return Library(
-        str(document.get("name", where)),
-        str(document.get("model_hash", "")),
-        dict(document.get("provenance") or {}),
-        tuple(primitives),
-    )
+        primitives.append(Primitive(name, roll_class, policy, margins))
+    return tuple(primitives)
 
 
 def library_text(library: Library) -> str:

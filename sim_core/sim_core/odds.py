@@ -9,8 +9,9 @@ from typing import Any
 
 import yaml
 
-from sim_core.errors import LibraryError
+from sim_core.errors import LibraryError, YamlError, one_line
 from sim_core.library import Gait, Library, libraries_folder
+from sim_core.strict_yaml import read_yaml
 from sim_core.symmetry import rolls_of
 
 SCHEMA = 1
@@ -52,17 +53,19 @@ def load_odds(library: Library, path: Path | None = None) -> Odds | None:
     """
     file = path or libraries_folder().parent / "odds" / f"{library.name}.yaml"
     try:
-        document: Any = yaml.safe_load(file.read_text(encoding="utf-8"))
+        document: Any = read_yaml(file)
         odds = Odds(
             str(document["library_hash"]),
             str(document["how"]),
             int(document["trials"]),
             {str(name): tuple(int(won) for won in row) for name, row in document["wins"].items()},
         )
-    except (OSError, yaml.YAMLError, KeyError, TypeError, ValueError) as error:
+    except (OSError, YamlError, AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
         if path is None:
             return None
-        raise LibraryError(f"cannot read odds {file}: {error}; make them with: sixstrut robustness LIBRARY --odds FILE") from error
+        raise LibraryError(
+            f"cannot read odds {file}: {one_line(str(error), 200)}; make them with: sixstrut robustness LIBRARY --odds FILE"
+        ) from error
     if odds.library_hash != library.hash:
         if path is None:
             return None

@@ -11,9 +11,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-
-from sim_core.errors import ParameterError
+from sim_core.errors import ParameterError, YamlError, brief, one_line
+from sim_core.strict_yaml import read_yaml
 
 SCHEMA = 1
 SOURCES = ("paper", "math", "method", "stand-in", "design", "standard", "calibrated", "measured")
@@ -164,7 +163,7 @@ def _checked(name: str, value: Any) -> Any:
     valid = f"{'a whole number' if spec.whole else 'numbers' if spec.size else 'a number'} in [{spec.low:g}, {spec.high:g}]"
     if spec.size:
         if not isinstance(value, (list, tuple)) or len(value) != spec.size:
-            raise ParameterError(f"{name} = {value!r}: valid is a list of {spec.size} {valid} {spec.unit}")
+            raise ParameterError(f"{name} = {brief(value)}: valid is a list of {spec.size} {valid} {spec.unit}")
         return tuple(_number(name, item, spec, valid) for item in value)
     return _number(name, value, spec, valid)
 
@@ -172,7 +171,7 @@ def _checked(name: str, value: Any) -> Any:
 def _number(name: str, value: Any, spec: Spec, valid: str) -> float | int:
     good = isinstance(value, (int, float)) and not isinstance(value, bool) and spec.low <= value <= spec.high
     if not good or (spec.whole and value != int(value)):
-        raise ParameterError(f"{name} = {value!r}: valid is {valid} {spec.unit}")
+        raise ParameterError(f"{name} = {brief(value)}: valid is {valid} {spec.unit}")
     return int(value) if spec.whole else float(value)
 
 
@@ -200,13 +199,11 @@ def load_entries(path: Path | str | None = None) -> tuple[Entry, ...]:
     """
     file = Path(path) if path is not None else default_path()
     try:
-        document = yaml.safe_load(file.read_text(encoding="utf-8"))
+        document = read_yaml(file)
     except OSError as error:
         raise ParameterError(f"cannot read prototype file {file}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        mark = getattr(error, "problem_mark", None)
-        where = f" at line {mark.line + 1}" if mark else ""
-        raise ParameterError(f"{file} is not valid YAML{where}: {getattr(error, 'problem', None) or error}") from error
+    except YamlError as error:
+        raise ParameterError(str(error)) from error
     return parse_entries(document, str(file))
 
 
@@ -215,22 +212,23 @@ def parse_entries(document: Any, file: str) -> tuple[Entry, ...]:
     if not isinstance(document, Mapping):
         raise ParameterError(f"{file} is not a prototype file: valid is a mapping of parameters, as in {default_path()}")
     if document.get("schema") != SCHEMA:
-        raise ParameterError(f"{file}: schema {document.get('schema')!r} is not known; valid is {SCHEMA}")
+        raise ParameterError(f"{file}: schema {brief(document.get('schema'))} is not known; valid is {SCHEMA}")
     given = {name: row for name, row in document.items() if name not in ("schema", "name")}
     missing, unknown = sorted(SPECS.keys() - given.keys()), sorted(given.keys() - SPECS.keys())
     if missing or unknown:
-        parts = [f"missing: {', '.join(missing)}"] * bool(missing) + [f"unknown: {', '.join(map(str, unknown))}"] * bool(unknown)
+        names = one_line(", ".join(map(str, unknown)))
+        parts = [f"missing: {', '.join(missing)}"] * bool(missing) + [f"unknown: {names}"] * bool(unknown)
         raise ParameterError(f"{file}: {'; '.join(parts)}; valid parameters are those of {default_path()}")
     return tuple(_entry(file, name, row) for name, row in given.items())
 
 
 def _entry(file: str, name: str, row: Any) -> Entry:
     if not isinstance(row, Mapping) or not {"value", "unit", "source"} <= row.keys():
-        raise ParameterError(f"{file}: {name} must be {{value: ..., unit: ..., source: ...}}, got {row!r}")
+        raise ParameterError(f"{file}: {name} must be {{value: ..., unit: ..., source: ...}}, got {brief(row)}")
     if str(row["unit"]) != SPECS[name].unit:
-        raise ParameterError(f"{file}: {name} has unit {row['unit']!r}; valid is {SPECS[name].unit!r}")
+        raise ParameterError(f"{file}: {name} has unit {brief(row['unit'])}; valid is {SPECS[name].unit!r}")
     if row["source"] not in SOURCES:
-        raise ParameterError(f"{file}: {name} has source {row['source']!r}; valid are {', '.join(SOURCES)}")
+        raise ParameterError(f"{file}: {name} has source {brief(row['source'])}; valid are {', '.join(SOURCES)}")
     try:
         value = _checked(name, row["value"])
     except ParameterError as error:

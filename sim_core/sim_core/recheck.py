@@ -6,13 +6,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import yaml
-
 from sim_core.batch import Job, roll_many
-from sim_core.errors import LibraryError, SimError
+from sim_core.errors import LibraryError, SimError, YamlError, brief
 from sim_core.library import Library, gait_of, parse_library
 from sim_core.model import Model
 from sim_core.policy import Policy, checked_policy
+from sim_core.strict_yaml import read_yaml
 from sim_core.structure import require_adjacent
 from sim_core.symmetry import rolls_of
 
@@ -75,11 +74,11 @@ def load_gaits(path: Path | str, limit_mm: int, every_gait: bool = False) -> tup
     """
     file = Path(path)
     try:
-        document = yaml.safe_load(file.read_text(encoding="utf-8"))
+        document = read_yaml(file)
     except OSError as error:
         raise LibraryError(f"cannot read gaits {file}: {error.strerror}") from error
-    except yaml.YAMLError as error:
-        raise LibraryError(f"{file} is not valid YAML: {getattr(error, 'problem', None) or error}") from error
+    except YamlError as error:
+        raise LibraryError(str(error)) from error
     if isinstance(document, Mapping) and "primitives" in document:
         return gaits_of(parse_library(document, str(file)), every_gait)
     if not isinstance(document, Mapping) or not isinstance(document.get("gaits"), list):
@@ -93,7 +92,8 @@ def _gait(file: Path, number: int, row: Any, limit_mm: int) -> NamedGait:
         require_adjacent(source, target)
         return NamedGait(str(row.get("name", number)), source, target, checked_policy(policy, limit_mm))
     except (KeyError, TypeError, AttributeError) as error:
-        raise LibraryError(f"{file}: gait {number} is {row!r}; valid is {{name, from, to, policy_mm: [six whole mm]}}") from error
+        valid = "{name, from, to, policy_mm: [six whole mm]}"
+        raise LibraryError(f"{file}: gait {number} is {brief(row)}; valid is {valid}") from error
     except SimError as error:
         raise LibraryError(f"{file}: gait {number}: {error}") from error
 

@@ -11,10 +11,10 @@ Compiled for one robot or eight lanes; velocities are reset lane by lane.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
 from sim_core import kernel as k
 from sim_core import watch as w
+from sim_core.compiled_cache import njit
 from sim_core.lanes import larger, load, select, store
 
 INCREMENT_M = 0.001

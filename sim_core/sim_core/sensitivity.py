@@ -20,6 +20,7 @@ from sim_core.model import build_model
 from sim_core.parameters import SPECS, Prototype, with_value
 from sim_core.policy import checked_policy
 from sim_core.roll import RollResult
+from sim_core.strict_yaml import read_yaml
 
 STEP = 0.10
 """Relative change of a parameter, to either side."""
@@ -139,7 +140,7 @@ def stored_influences(prototype: Prototype) -> dict[str, Influence] | None:
     path = stored_path()
     if not path.exists():
         return None
-    document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    document = read_yaml(path)
     if document["prototype_hash"] != prototype.hash:
         return None
     return {name: Influence(row["flips"], row["margin_mm"]) for name, row in document["influences"].items()}

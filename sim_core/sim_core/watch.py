@@ -9,10 +9,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sim_core import kernel as k
+from sim_core.compiled_cache import njit
 from sim_core.elements import Array
 from sim_core.footing import FACE_JOINTS, FACE_OF_JOINTS, STRUT_ENDS, base, clearance, past_edges
 

@@ -118,7 +118,7 @@ def test_a_missing_strut_is_named() -> None:
 
 def test_a_seventh_strut_is_refused() -> None:
     data = as_data()
-    data["struts"]["S7"] = data["struts"]["S1"]
+    data["struts"]["S7"] = dict(data["struts"]["S1"], stroke_mm=[-20, 20], pulse_us=[900, 2100])
     with pytest.raises(CalibrationError, match="S7: is no strut"):
         parse(data)
 

@@ -249,7 +249,7 @@ def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
     assert (tmp_path / "a.mcap.journal").exists()
 
 
-@pytest.mark.parametrize("cut", [1, 7, 40, 100])
+@pytest.mark.parametrize("cut", [1, 7, 40, 100, 140])
 def test_a_journal_with_a_cut_tail_gives_every_whole_message(tmp_path: Path, cut: int, monkeypatch: pytest.MonkeyPatch) -> None:
     def give_up(journal: Path, path: Path) -> None:
         raise RecorderError(str(path), "killed")
@@ -266,7 +266,8 @@ def test_a_journal_with_a_cut_tail_gives_every_whole_message(tmp_path: Path, cut
         stream.truncate(log.journal.stat().st_size - cut)
     recording = finish_journal(log.journal, log.path)
     assert not recording.complete
-    assert recording.messages == (49 if cut < 71 else 48)
+    assert recording.messages == (50 if cut < 33 else 49 if cut < 136 else 48)  # 33 bytes are the check, 70 the message
+    assert (recording.unread_bytes, recording.kept) == (0, None)
     assert len(decoded(log.path)) == recording.messages
 
 

@@ -7,7 +7,7 @@ import sim_core
 
 
 def folder_of(package_parent):
-    code = "import numba, sim_core; print(numba.config.CACHE_DIR)"
+    code = "import numba, sim_core.footing; print(numba.config.CACHE_DIR)"
     run = subprocess.run(
         [sys.executable, "-c", code], env={"PYTHONPATH": str(package_parent)}, capture_output=True, text=True, check=True
     )
@@ -22,3 +22,9 @@ def test_a_change_in_any_source_gives_compiled_code_a_new_home(tmp_path):
     assert folder_of(tmp_path) == before
     (copy / "lanes.py").write_text((copy / "lanes.py").read_text() + "\n# changed\n")
     assert folder_of(tmp_path) != before
+
+
+def test_what_compiles_nothing_does_not_load_numba():
+    """The YAML reader is used by the process that owns the port: it must be light."""
+    code = "import sys, sim_core.strict_yaml; assert 'numba' not in sys.modules and 'numpy' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -36,7 +36,7 @@ def test_a_roll_that_ended_elsewhere_failed_and_one_without_a_rehearsal_does_not
     for message in session.of("bridge/face"):
         if seconds_of(message.header.stamp) > returning:
             message.face = "TC1"
-    monkeypatch.setattr(foretold, "read_session", lambda path: session)
+    monkeypatch.setattr(foretold, "read_session", lambda path, topics: session)
     found = foretold_in(BAG)
     assert len(found) == 2
     assert [one.won for one in found] == [True, False]

@@ -14,6 +14,7 @@ from typing import Any
 from rich.console import Console
 
 from hardware_bridge.bag_reader import read_session
+from hardware_bridge.bag_types import TOPICS
 from sim_core.parameters import load_prototype
 from sim_core.perturbation import LAW
 from sim_core.policy import neutral_lengths
@@ -178,7 +179,7 @@ class _Demo:
             show("no bag was recorded" if self.bag is None else f"the bag {self.bag} is missing")
             return
         show(f"bag: {_short(self.bag)}")
-        session = read_session(self.bag)
+        session = read_session(self.bag, topics=TOPICS)
         if not any(True for _ in session.of("bridge/struts_sent")):
             return
         result = replay(session)

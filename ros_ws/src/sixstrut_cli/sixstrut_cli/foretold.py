@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from hardware_bridge.bag_reader import BagError, Session, read_session, seconds_of
+from hardware_bridge.bag_types import TOPICS
 from sixstrut_cli.outcomes import Outcome, outcomes_of
 from sixstrut_cli.replaying import model_of
 from sixstrut_cli.trials.message import lines_in_bag
@@ -47,7 +48,7 @@ def bags_of(paths: Sequence[Path]) -> list[Path]:
 
 def foretold_in(path: Path) -> list[Foretold]:
     """The rehearsed rolls of a bag, in order. Trials that an operator called void, or revoked, are left out. Raises BagError."""
-    session = read_session(path)
+    session = read_session(path, topics=TOPICS)
     tries = outcomes_of(session, model_of(session).prototype.strut_length_m)
     rehearsals = sorted(session.of("rehearsal"), key=lambda m: seconds_of(m.header.stamp))
     unsure = _unsure(lines_in_bag(path), tries)
@@ -55,7 +56,7 @@ def foretold_in(path: Path) -> list[Foretold]:
     for number, tried in enumerate(tries):
         since = tries[number - 1].began_s if number else float("-inf")
         own = [m for m in rehearsals if since < seconds_of(m.header.stamp) <= tried.began_s]
-        if own and tried not in unsure and own[-1].source_face == tried.source and _looked(session, tried):
+        if own and own[-1].gaits and tried not in unsure and own[-1].source_face == tried.source and _looked(session, tried):
             found.append(_foretold(path.name, own[-1], tried))
     return found
 

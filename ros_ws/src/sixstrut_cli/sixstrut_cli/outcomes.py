@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hardware_bridge.bag_reader import Session, seconds_of
+from hardware_bridge.bag_reader import BagError, Session, seconds_of
 
 
 class Outcome(NamedTuple):
@@ -23,11 +23,19 @@ class Outcome(NamedTuple):
 
 
 def outcomes_of(session: Session, mid_stroke_m: float) -> list[Outcome]:
-    """Every try of a bag, in order. A try is an accepted goal away from mid stroke; the next goal ends its actuation."""
+    """Every try of a bag, in order. A try is an accepted goal away from mid stroke; the next goal ends its actuation.
+
+    Raises:
+        BagError: a goal is none.
+    """
     moves: list[tuple[float, tuple[int, ...]]] = []
     for message in session.of("bridge/asked"):
-        lengths = dict(zip(message.joint_names, message.points[-1].positions, strict=True))
-        policy = tuple(round(1e3 * (lengths[f"S{s}"] - mid_stroke_m)) for s in range(1, 7))
+        lengths = dict(zip(message.joint_names, message.points[-1].positions if message.points else (), strict=False))
+        try:
+            policy = tuple(round(1e3 * (lengths[f"S{s}"] - mid_stroke_m)) for s in range(1, 7))
+        except (KeyError, ValueError, OverflowError) as error:
+            when = seconds_of(message.header.stamp)
+            raise BagError(f"{session.path}: what was asked at {when:.3f} s is no lengths of S1 to S6") from error
         moves.append((seconds_of(message.header.stamp), policy))
     seen = [(seconds_of(m.header.stamp), m.face or None) for m in session.of("bridge/face") if m.settled]
     moves.sort()

@@ -78,7 +78,7 @@ def observed_path(session: Session, origin_s: float) -> tuple[np.ndarray, np.nda
     sent = list(session.of("bridge/struts_sent"))
     stamps = np.array([seconds_of(m.header.stamp) for m in sent])
     robot_s = np.array([m.robot_time_ns / 1e9 for m in sent])
-    seen = list(session.of("bridge/observed_joints"))
+    seen = [m for m in session.of("bridge/observed_joints") if len(m.poses) >= 12]
     times = np.interp([seconds_of(m.header.stamp) for m in seen], stamps, robot_s) - origin_s if sent and seen else np.zeros(0)
     joints = [[(p.position.x, p.position.y, p.position.z) for p in m.poses[:12]] for m in seen]
     return times, np.array(joints).reshape(-1, 12, 3)

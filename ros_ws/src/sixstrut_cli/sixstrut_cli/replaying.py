@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
 
 import numpy as np
-import yaml
 
 from hardware_bridge.bag_reader import Session
 from hardware_bridge.errors import BridgeError
 from sim_core.actuators import ActuatorParameters
-from sim_core.follow import Event, Follower, Observed, Sent
+from sim_core.follow import Event, Follower, Observed, Pace, Sent, impossible
 from sim_core.frozen import label_of
 from sim_core.model import Model, build_model
-from sim_core.parameters import load_prototype, parse_prototype
+from sim_core.parameters import Prototype, load_prototype, parse_prototype
+from sim_core.strict_yaml import parse_yaml
+
+MOST_GAP_S, MOST_S = 86_400.0, 7 * 86_400.0
+"""Robot time between two events, and of a whole bag, that is stepped through."""
 
 
 class ReplayError(BridgeError):
@@ -65,12 +70,18 @@ class Replay:
     origin_s: float = 0.0
 
 
+def prototype_in(data: bytes, path: Path) -> Prototype:
+    """The prototype that is attached to a bag. Raises ParameterError, YamlError."""
+    where = f"{path}: prototype.yaml"
+    return parse_prototype(parse_yaml(data, where), where)
+
+
 def model_of(session: Session) -> Model:
     """The model whose parameters the bag holds; the nominal one if it holds none."""
     data = session.attachments.get("prototype.yaml")
     if data is None:
         return build_model(load_prototype())
-    return build_model(parse_prototype(yaml.safe_load(data), f"{session.path}: prototype.yaml"))
+    return build_model(prototype_in(data, session.path))
 
 
 def require_same_model(session: Session, model: Model) -> None:
@@ -87,15 +98,47 @@ def require_same_model(session: Session, model: Model) -> None:
         )
 
 
-def events_of(session: Session) -> list[Event]:
-    """The bag's event stream in the order of its numbers. Raises ReplayError if it has none."""
-    events: list[Event] = [
-        Sent(m.seq, m.robot_time_ns, tuple(float(v) for v in m.length_m)) for m in session.of("bridge/struts_sent")
+def events_of(session: Session, mid_stroke_m: float = 0.234) -> list[Event]:
+    """The bag's event stream, of struts of that mid stroke (m), in the order of its numbers.
+
+    Raises:
+        ReplayError: it has none, or it cannot be a bridge's.
+    """
+    timed: list[tuple[Event, int]] = [
+        (sent_of(found.message), found.log_time_ns) for found in session.recorded("bridge/struts_sent")
     ]
-    events += [Observed(m.seq, m.robot_time_ns, m.face or None, m.settled) for m in session.of("bridge/face")]
-    if not any(isinstance(event, Sent) for event in events):
+    if not timed:
         raise ReplayError(f"{session.path} holds no sent commands (topic bridge/struts_sent): nothing to replay")
-    return sorted(events, key=lambda event: event.seq)
+    for found in session.recorded("bridge/face"):
+        m = found.message
+        timed.append((Observed(m.seq, m.robot_time_ns, m.face or None, m.settled), found.log_time_ns))
+    return possible(session.path, timed, mid_stroke_m)
+
+
+def sent_of(message: Any) -> Sent:
+    """What the twin needs of a recorded write or heartbeat."""
+    return Sent(message.seq, message.robot_time_ns, tuple(float(v) for v in message.length_m))
+
+
+def possible(path: Path, timed: Sequence[tuple[Event, int]], mid_stroke_m: float) -> list[Event]:
+    """Events, each with its log time (ns), in the order of their numbers.
+
+    Raises:
+        ReplayError: a bridge cannot have told them: to step a twin through them might take for ever.
+    """
+    pace, first_ns, last_ns = Pace(), None, 0
+    ordered = sorted(timed, key=lambda one: one[0].seq)
+    for event, log_time_ns in ordered:
+        first_ns = event.robot_time_ns if first_ns is None else first_ns
+        problem = impossible(event, mid_stroke_m) or pace.refuses(event, log_time_ns)
+        if not problem and event.robot_time_ns - max(first_ns, last_ns) > 1e9 * MOST_GAP_S:
+            problem = f"nothing was told for {(event.robot_time_ns - last_ns) / 86_400e9:.3g} days before event {event.seq}"
+        if not problem and event.robot_time_ns - first_ns > 1e9 * MOST_S:
+            problem = f"it goes on for more than {MOST_S / 86_400:g} days of robot time"
+        if problem:
+            raise ReplayError(f"{path} is no recording of a bridge: {problem}; it was changed, or is damaged")
+        last_ns = event.robot_time_ns
+    return [event for event, _ in ordered]
 
 
 def replay(
@@ -111,7 +154,7 @@ def replay(
         report: called with (events done, total).
     """
     model = model or model_of(session)
-    events = events_of(session)
+    events = events_of(session, model.prototype.strut_length_m)
     live = {m.last_seq: m for m in session.of("twin/state") if m.last_seq > 0}
     sources = {m.seq: m.source for m in session.of("bridge/face")}
     first_seq = min((m.first_seq for m in live.values()), default=events[0].seq)

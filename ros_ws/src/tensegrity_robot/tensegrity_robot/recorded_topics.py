@@ -75,7 +75,7 @@ class RecordedTopics:
     def _write(self, topic: str, type_name: str, data: bytes) -> None:
         log = self.log  # it may end meanwhile, in another thread
         if log is not None:
-            log.write(topic, type_name, data, self._node.get_clock().now().nanoseconds)
+            log.write(topic, type_name, data, time.time_ns())  # the system's clock, never a simulated one
 
     def _add(self, kind: Any, topic: str, profile: QoSProfile) -> str:
         type_name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"

@@ -13,12 +13,13 @@ from pathlib import Path
 from typing import IO
 
 from hardware_bridge.errors import BridgeError, RecorderError
-from hardware_bridge.journal import finish_journal
+from hardware_bridge.mending import mend
 from hardware_bridge.recorder import Recorder
 from hardware_bridge.schemas import ShareSchemas
 
 PACKAGES = ("tensegrity_robot", "hardware_bridge", "sim_core", "numpy", "numba", "mcap", "pyserial")
 MOST_EARLY = 1000
+YEAR_2020_S = 1_577_836_800
 YOUNG_S = 1.0
 """A journal younger than this may belong to a session that has not locked it yet."""
 
@@ -61,12 +62,12 @@ def _mend(journal: Path) -> str:
     path = journal.with_suffix("")
     try:
         with journal.open("rb") as owner:
-            time.sleep(max(0.0, YOUNG_S - (time.time() - journal.stat().st_mtime)))
+            age_s = time.time() - journal.stat().st_mtime  # by clocks that somebody may have set in between
+            time.sleep(min(YOUNG_S, max(0.0, YOUNG_S - age_s)))
             fcntl.flock(owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if path.exists():
                 return f"{journal} is left over beside a finished {path.name}: remove it"
-            recording = finish_journal(journal, path)
-            return f"mended {path}: {recording.messages} messages of a session that was cut short"
+            return mend(journal, path)
     except (BlockingIOError, FileNotFoundError):
         return ""
     except (BridgeError, OSError) as error:
@@ -123,8 +124,12 @@ class SessionLog:
             facts: kept as metadata "session", beside "versions".
 
         Raises:
-            BridgeError, OSError: it cannot be written.
+            BridgeError, OSError: it cannot be written, or the computer does not know what day it is.
         """
+        if time.time() < YEAR_2020_S:
+            day = time.strftime("%Y-%m-%d", time.gmtime())
+            problem = f"not begun, the computer's clock says {day}: set it (timedatectl), or do without a log (record:=false)"
+            raise RecorderError(str(folder), problem)
         try:
             folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:

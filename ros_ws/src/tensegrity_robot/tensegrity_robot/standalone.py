@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sim_core.errors import brief
 from sim_core.model import Model
 from sim_core.robot import Robot
 
@@ -48,7 +49,7 @@ class StandAlone:
     def command(self, names: Sequence[str], lengths_m: Sequence[float]) -> str:
         """Drive to rest lengths (m); returns why not, or nothing. A command is refused whole."""
         if sorted(names) != list(STRUT_NAMES) or len(lengths_m) != len(names):
-            return f"names are {list(names)} with {len(lengths_m)} positions; valid are S1 to S6, each once"
+            return f"names are {brief(list(names[:7]))} with {len(lengths_m)} positions; valid are S1 to S6, each once"
         prototype = self.robot.model.prototype
         limit_mm = float(prototype.policy_limit_mm)
         target = np.empty(6)

@@ -24,7 +24,7 @@ from visualization_msgs.msg import MarkerArray
 
 from hardware_bridge.streamer import Streamer
 from sim_core.actuators import following, require_actuators
-from sim_core.errors import SimError
+from sim_core.errors import DivergedError, SimError
 from sim_core.follow import Event, Follower, Observed
 from sim_core.model import build_model
 from sim_core.parameters import load_prototype
@@ -35,7 +35,7 @@ from sim_core.warm_up import Stage, is_warm, warm_up
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 from tensegrity_robot import messages, qos
 from tensegrity_robot.errors import StartError
-from tensegrity_robot.event_stream import Begin, EventStream
+from tensegrity_robot.event_stream import Arrival, Begin, EventStream
 from tensegrity_robot.markers import markers
 from tensegrity_robot.parameters import declare_parameters, parameter
 from tensegrity_robot.process import End, age_s, run
@@ -44,6 +44,9 @@ from tensegrity_robot.standalone import StandAlone
 
 CATCH_UP_S = 0.02
 """Wall time that one callback may spend on stepping the model; a deadline's turn at most half a period."""
+
+MOST_DUE = 50_000
+"""Events that may wait to be stepped."""
 
 BEGIN_WAIT_S = 1.0
 """A stream begins this long after its first write was heard; the faces that somebody saw before arrive sooner."""
@@ -100,8 +103,9 @@ class TwinNode(Node):
             self._follower = Follower(self._model, p.start_face, self._actuators)
         except SimError as error:
             raise StartError(str(error)) from error
-        self._stream = EventStream()
+        self._stream = EventStream(mid_stroke_m=prototype.strut_length_m, warn=self.get_logger().warning)
         self._due: deque[Event | Begin] = deque()
+        self._dropped = 0
         self._waiting_since: float | None = None
         self._rest = RestWatch()
         self._at_rest = False
@@ -146,31 +150,45 @@ class TwinNode(Node):
     # ---- following --------------------------------------------------------------------------------------------------
 
     def _on_bridge_found(self, change: QoSSubscriptionMatchedInfo) -> None:
-        if change.current_count_change > 0:
+        if change.current_count_change > 0 and change.current_count == 1:  # beside another, it may be a recording that is played
             with self._turn:
                 self._stream.renew()
 
     def _on_sent(self, message: StrutsSent) -> None:
         with self._turn:
-            self._due.extend(self._stream.sent(messages.sent_event(message), messages.nanoseconds(message.header.stamp)))
-            self._catch_up(CATCH_UP_S)
+            self._take(self._stream.sent(messages.sent_event(message), _arrival(message)))
 
     def _on_face(self, message: FaceObservation) -> None:
         with self._turn:
-            self._due.extend(self._stream.observed(messages.observed_event(message), messages.nanoseconds(message.header.stamp)))
-            self._catch_up(CATCH_UP_S)
+            self._take(self._stream.observed(messages.observed_event(message), _arrival(message)))
+
+    def _take(self, due: list[Event | Begin]) -> None:
+        self._due.extend(due)
+        while len(self._due) > MOST_DUE:  # nobody steps so much later on: go on from the newest, as after a pause
+            first = self._due.popleft()
+            if isinstance(first, Begin) and not isinstance(self._due[0], Begin):
+                self._due[0] = first
+            self._dropped += 1
+        self._catch_up(CATCH_UP_S)
 
     def _catch_up(self, most_s: float) -> None:
         """Apply events that are due; what there is no time for waits for the next callback or deadline."""
         self._begin_in_time()
         until = time.monotonic() + most_s
         while self._due and time.monotonic() < until:
-            event = self._due.popleft()
+            event = self._due[0]
             self._shown = None
-            if isinstance(event, Begin):
-                self._begin(event)
+            try:
+                if not isinstance(event, Begin) and not self._follower.approach(event):
+                    continue  # a long pause: in slices, so that nobody waits for it
+                self._due.popleft()
+                if isinstance(event, Begin):
+                    self._begin(event)
+                    continue
+                self._follower.apply(event)
+            except DivergedError as error:
+                self._begin_again(error)
                 continue
-            self._follower.apply(event)
             self._at_rest = self._rest.at_rest(self._follower.robot, self._follower.step)
             if isinstance(event, Observed) and event.settled:
                 self._publish_state()
@@ -190,6 +208,12 @@ class TwinNode(Node):
         self._follower = Follower(self._model, self._began_on, self._actuators)
         self._rest = RestWatch()
         self.get_logger().info(f"the event stream begins; the twin stands on {self._began_on}")
+
+    def _begin_again(self, error: DivergedError) -> None:
+        """Commands that tear the model apart end no twin."""
+        self.get_logger().error(f"{error}: the twin begins again, at rest on {self._began_on}")
+        self._follower = Follower(self._model, self._began_on, self._actuators)
+        self._rest = RestWatch()
 
     # ---- stand-alone ------------------------------------------------------------------------------------------------
 
@@ -260,14 +284,19 @@ class TwinNode(Node):
         if self._alone is None:
             follower = self._follower
             message.model_hash = follower.identity
+            message.session = self._stream.session
             message.step, message.first_seq, message.last_seq = follower.step, follower.first_seq, follower.last_seq
-            message.detail = (
-                f"began on {self._began_on}, {self._stream.lost} events lost, {follower.resets} corrections by observation"
-            )
+            message.detail = self._detail(follower.resets)
         else:
             message.step = self._alone.robot.step
             message.detail = f"stand-alone, {self._alone.skipped_s:.3f} s skipped"
         return message
+
+    def _detail(self, resets: int) -> str:
+        stream = self._stream
+        text = f"began on {self._began_on}, {stream.lost + self._dropped} events lost, {resets} corrections by observation"
+        counts = ((stream.refused, "impossible events refused"), (stream.strangers, "events of other sessions ignored"))
+        return ", ".join([text, *(f"{count} {what}" for count, what in counts if count)])
 
     def _tell_face(self) -> None:
         """Publish the face if it, or whether the robot rests on it, has changed."""
@@ -291,6 +320,11 @@ class TwinNode(Node):
         with self._turn:
             robot = self._robot.copy()
         self._markers.publish(markers(robot, robot.footing().face or "", self._header(), self._full_scale_n))
+
+
+def _arrival(message: StrutsSent | FaceObservation) -> Arrival:
+    steady_ns = time.clock_gettime_ns(time.CLOCK_BOOTTIME)  # it goes on while a laptop sleeps, as the robot does
+    return Arrival(message.session, messages.nanoseconds(message.header.stamp), time.time_ns(), steady_ns)
 
 
 def main(args: list[str] | None = None) -> int:

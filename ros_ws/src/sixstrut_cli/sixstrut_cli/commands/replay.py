@@ -66,7 +66,8 @@ def command(
 def _by_trial(
     bag: Path, numbers: Sequence[int], members: int, changes: dict[str, float], compare: bool, picture: Path | None, as_json: bool
 ) -> bool:
-    from hardware_bridge.bag_reader import read_session
+    from hardware_bridge.bag_reader import read_bag
+    from hardware_bridge.bag_types import TOPICS
     from sim_core.rehearsal import Ensemble
     from sixstrut_cli.replaying import require_same_model
     from sixstrut_cli.trials.figures import course_picture
@@ -83,14 +84,15 @@ def _by_trial(
     lines = chosen_trials(trials_of(bag), numbers)
     if picture is not None and len(lines) != 1:
         raise typer.BadParameter(f"--picture shows one trial, and {len(lines)} are asked for: give --trial N")
-    session = read_session(bag, until_ns=0)  # its attachments
+    recorded = read_bag(bag, topics=TOPICS)
+    session = recorded.session(until_ns=0)  # its attachments
     model = changed_model(session, changes)
     if not (changes or compare):
         require_same_model(session, model)
     courses = []
     for line in lines:
         if numbers or line.robot_s == line.robot_s:  # a trial that never ended is replayed only if asked for
-            courses.append(replay_trial(bag, line, model))
+            courses.append(replay_trial(recorded, line, model))
             if not as_json:
                 typer.echo(course_text(courses[-1]))
     odds = {}
@@ -143,12 +145,13 @@ def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, 
     from rich.progress import Progress
 
     from hardware_bridge.bag_reader import read_session
+    from hardware_bridge.bag_types import TOPICS
     from sim_core.actuators import require_actuators
     from sixstrut_cli.replaying import model_of, replay, require_same_model
     from sixstrut_cli.trials.replayed import changed_model
 
     drives = require_actuators(actuators)
-    session = read_session(bag)
+    session = read_session(bag, topics=TOPICS)
     if not (changes or compare):
         require_same_model(session, model_of(session))
     model = changed_model(session, changes, drives)

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hardware_bridge.bag_reader import read_session
+from hardware_bridge.bag_types import TOPICS
 from sim_core.elements import PREVIOUS
 from sim_core.fitting import Roll, Seen
 from sim_core.library import Library, load_library
@@ -132,7 +133,7 @@ def _of_lines(source: str, robot: str, virtual: bool, library: Library, lines: S
 
 def _unplanned(path: Path, model: Model, library: Library) -> Tries:
     """A bag without records of trials: rolls that somebody asked for, with the faces that were seen."""
-    session = read_session(path)
+    session = read_session(path, topics=TOPICS)
     recorded = model_of(session).hash
     if recorded != model.hash:
         raise SessionError(f"{path.name} was recorded with model {recorded}, not {model.hash}: give its --prototype")

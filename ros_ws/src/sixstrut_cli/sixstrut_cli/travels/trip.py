@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from hardware_bridge.bag_reader import read_session
+from hardware_bridge.bag_types import TOPICS
 from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.virtual_port import read_handshake
 from sim_core.parameters import load_prototype
@@ -155,7 +156,7 @@ def _operate(
 
 def _places(bag: str) -> tuple[tuple[float, float], ...]:
     """Where the observer saw the robot's centre, thinned out."""
-    _, joints = observed_path(read_session(bag), 0.0)
+    _, joints = observed_path(read_session(bag, topics=TOPICS), 0.0)
     centers = joints.mean(axis=1)[:, :2].tolist() if len(joints) else []
     thin = max(1, len(centers) // POINTS)
     return tuple((round(x, 4), round(y, 4)) for x, y in centers[::thin])

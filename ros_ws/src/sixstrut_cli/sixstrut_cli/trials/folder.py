@@ -13,7 +13,10 @@ from typing import Any
 
 import yaml
 
+from sim_core.errors import FileError, brief
+from sim_core.files import read_text
 from sim_core.library import Library, library_text, load_library
+from sim_core.strict_yaml import read_yaml
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.ledger import sync_folder, write_durably
 from sixstrut_cli.trials.plan import Slot, plan_of, plan_text
@@ -97,9 +100,9 @@ def begin_session(path: Path, settings: Settings, plan: list[Slot], library: Lib
 def open_session(path: Path) -> SessionFolder:
     """Read a session. Raises SessionError: it is none, or something of it was changed."""
     try:
-        document: Any = yaml.safe_load((path / SETTINGS).read_text(encoding="utf-8"))
-        plan_table = (path / PLAN).read_text(encoding="utf-8")
-    except (OSError, yaml.YAMLError) as error:
+        document: Any = read_yaml(path / SETTINGS)
+        plan_table = read_text(path / PLAN)
+    except (OSError, FileError) as error:
         raise SessionError(
             f"{path} is not a session of trials: {error}; valid is a folder that `sixstrut trial` made, with {SETTINGS} in it"
         ) from error
@@ -110,12 +113,22 @@ def open_session(path: Path) -> SessionFolder:
         settings = Settings(**{key: value for key, value in document.items() if key in known})
     except TypeError as error:
         raise SessionError(f"{path / SETTINGS}: {error}") from error
+    _require_types(path / SETTINGS, settings)
     library = load_library(path / LIBRARY)
     if library.hash != settings.library_hash:
         raise SessionError(
             f"{path / LIBRARY} is not the session's library any more: hash {library.hash}, not {settings.library_hash}"
         )
     return SessionFolder(path, settings, plan_of(plan_table, str(path / PLAN)), library)
+
+
+def _require_types(file: Path, settings: Settings) -> None:
+    """Raises SessionError: a setting is of another type than it should be."""
+    for field in fields(Settings):
+        value = getattr(settings, field.name)
+        wanted: Any = {"str": str, "int": int, "bool": bool, "float": (int, float)}[str(field.type)]
+        if not isinstance(value, wanted) or (field.type != "bool" and isinstance(value, bool)):
+            raise SessionError(f"{file}: {field.name} is {brief(value)}; valid is a value of type {field.type}")
 
 
 def require_same(settings: Settings, asked: Mapping[str, object]) -> None:

@@ -6,6 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from hardware_bridge.bag_reader import BagError, read_session
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.record import Event, Line, Outcome, utc_ns, utc_text
 
@@ -46,17 +47,7 @@ def _text(stamp: Any) -> str:
 
 def lines_in_bag(path: Path) -> list[Line]:
     """Trials in a bag, in order. Raises SessionError: it cannot be read."""
-    from mcap.exceptions import McapError
-    from mcap.reader import make_reader
-    from mcap_ros2.decoder import DecoderFactory
-
     try:
-        with path.open("rb") as stream:
-            reader = make_reader(stream, decoder_factories=[DecoderFactory()])
-            summary = reader.get_summary()
-            topics = [c.topic for c in summary.channels.values() if c.topic.endswith("/" + TOPIC)] if summary else None
-            if topics == []:
-                return []
-            return [line_of_message(found.decoded_message) for found in reader.iter_decoded_messages(topics=topics)]
-    except (OSError, McapError, EOFError, ValueError) as error:
+        return [line_of_message(message) for message in read_session(path, topics=[TOPIC]).of(TOPIC)]
+    except (BagError, ValueError, OverflowError) as error:
         raise SessionError(f"cannot read the trials in bag {path}: {error}") from error

@@ -8,17 +8,18 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
-from hardware_bridge.bag_reader import Session, read_session, seconds_of
+from hardware_bridge.bag_reader import Bag, Session, seconds_of
 from sim_core.actuators import ActuatorParameters, following
 from sim_core.errors import SimError
-from sim_core.follow import Follower, Sent
+from sim_core.follow import Follower
 from sim_core.library import Gait, Library, gait_of, parse_library
 from sim_core.model import Model, build_model
-from sim_core.parameters import Prototype, load_prototype, parse_prototype, with_value
+from sim_core.parameters import Prototype, load_prototype, with_value
+from sim_core.strict_yaml import parse_yaml
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.pictures import observed_path
+from sixstrut_cli.replaying import possible, prototype_in, sent_of
 from sixstrut_cli.trials.message import lines_in_bag
 from sixstrut_cli.trials.record import Event, Line, Outcome, utc_ns
 
@@ -98,9 +99,7 @@ def changed_model(session: Session, changes: Mapping[str, float], actuators: Act
         SimError: no such parameter, or a value that is not valid.
     """
     data = session.attachments.get("prototype.yaml")
-    robot: Prototype = (
-        load_prototype() if data is None else parse_prototype(yaml.safe_load(data), f"{session.path}: prototype.yaml")
-    )
+    robot: Prototype = load_prototype() if data is None else prototype_in(data, session.path)
     # the lower of two that are bound to each other first, so that neither passes the other on the way
     for name in sorted(changes, key=lambda name: changes[name]):
         robot = with_value(robot, SHORT_NAMES.get(name, name), changes[name])
@@ -112,7 +111,8 @@ def library_of(session: Session) -> Library:
     data = session.attachments.get("library.yaml")
     if data is None:
         raise SessionError(f"{session.path} holds no library: odds cannot be told")
-    return parse_library(yaml.safe_load(data), f"{session.path}: library.yaml")
+    where = f"{session.path}: library.yaml"
+    return parse_library(parse_yaml(data, where), where)
 
 
 def gait_in(library: Library, line: Line) -> Gait:
@@ -120,26 +120,32 @@ def gait_in(library: Library, line: Line) -> Gait:
     return gait_of(library.primitive(line.primitive), line.source, line.target)
 
 
-def replay_trial(bag: Path, line: Line, model: Model) -> Course:
+def replay_trial(bag: Bag, line: Line, model: Model) -> Course:
     """Roll the twin, from rest on the trial's source, by what was really sent.
 
     It is told no observed face, so that its end is its own.
 
     Raises:
-        SessionError: nothing was sent in that trial. BagError: the bag cannot be read.
+        SessionError: nothing was sent in that trial. BagError: the bag cannot be decoded. ReplayError: no bridge sent this.
     """
-    session = read_session(bag, utc_ns(line.began), utc_ns(line.recorded))
-    sent = sorted(session.of("bridge/struts_sent"), key=lambda message: message.seq)
-    if not sent:
-        raise SessionError(f"{bag}: nothing was sent in trial {line.number}; it is {line.outcome}: {line.reason}")
+    try:
+        session = bag.session(utc_ns(line.began), utc_ns(line.recorded))
+    except ValueError as error:
+        raise SessionError(f"{bag.path}: trial {line.number} has no beginning and end: {error}") from error
+    found = sorted(session.recorded("bridge/struts_sent"), key=lambda recorded: recorded.message.seq)
+    if not found:
+        raise SessionError(f"{bag.path}: nothing was sent in trial {line.number}; it is {line.outcome}: {line.reason}")
+    sent = [recorded.message for recorded in found]
+    timed = [(sent_of(recorded.message), recorded.log_time_ns) for recorded in found]
+    events = possible(bag.path, timed, model.prototype.strut_length_m)
     began_s = sent[0].robot_time_ns / 1e9
     returns_s = _return_time(session, sent)
     follower = Follower(model, line.source)
     faces, twin, times = [line.source], [follower.robot.joints_m()], [0.0]
     actuated: str | None = line.source
-    for message in sent:
+    for message, event in zip(sent, events, strict=True):
         before_return = seconds_of(message.header.stamp) < returns_s
-        follower.apply(Sent(message.seq, message.robot_time_ns, tuple(float(v) for v in message.length_m)))
+        follower.apply(event)
         face = follower.robot.footing().face
         if before_return:
             actuated = face

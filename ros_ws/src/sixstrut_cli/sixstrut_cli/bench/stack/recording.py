@@ -7,10 +7,9 @@ from itertools import cycle, islice
 from pathlib import Path
 from typing import NamedTuple
 
-from mcap.reader import make_reader
-
+from hardware_bridge.bag_reader import read_bag
 from hardware_bridge.errors import RecorderError
-from hardware_bridge.recorder import PREFIX, Recorder
+from hardware_bridge.recorder import Recorder
 from hardware_bridge.schemas import ShareSchemas
 from sixstrut_cli.bench.stack.figures import Capacity, Plan
 from sixstrut_cli.stack import wait_until
@@ -63,13 +62,7 @@ def measure(bag: Path, folder: Path, plan: Plan) -> Capacity:
 
 
 def _messages(bag: Path) -> list[_Raw]:
-    with bag.open("rb") as stream:
-        found = [
-            _Raw(channel.topic.removeprefix(PREFIX), schema.name, message.data)
-            for schema, channel, message in make_reader(stream).iter_messages()
-            if schema is not None
-        ]
-    return found
+    return [_Raw(message.topic, message.type_name, message.data) for message in read_bag(bag).messages]
 
 
 def _recorder(path: Path) -> Recorder:

@@ -1,0 +1,39 @@
+"""Whole files, bounded: whatever a path leads to, reading it takes little time and memory. Light to import."""
+
+from __future__ import annotations
+
+import os
+import stat
+from pathlib import Path
+
+from sim_core.errors import FileError
+
+MOST_BYTES = 4_000_000
+"""The largest file that the tools read whole, a fitted ensemble of 10,000 members, has 2 MB."""
+
+
+def read_bytes(path: Path | str, most: int = MOST_BYTES) -> bytes:
+    """A whole file. Raises FileError: it has more than `most` bytes, or is no regular file. OSError: it cannot be read."""
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe that nobody writes to shall not block
+    with os.fdopen(descriptor, "rb") as stream:
+        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+            raise FileError(str(path), "it is no regular file", "give a file")
+        data = stream.read(most + 1)
+    if len(data) > most:
+        raise FileError(str(path), f"it has more than {most / 1e6:g} MB", "is it the right file?")
+    return data
+
+
+def text_of(data: bytes, where: str, kind: type[FileError] = FileError) -> str:
+    """UTF-8 text. Raises `kind`: it is none, and where."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        problem = f"byte {error.start} (0x{data[error.start]:02x}) is not UTF-8"
+        raise kind(where, problem, "save it as UTF-8 (it may be Latin-1)", line) from None
+
+
+def read_text(path: Path | str, most: int = MOST_BYTES) -> str:
+    """A whole file of UTF-8 text. Raises FileError, OSError: as `read_bytes`."""
+    return text_of(read_bytes(path, most), str(path))
