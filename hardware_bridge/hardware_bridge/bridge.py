@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import secrets
 import threading
@@ -17,7 +18,7 @@ from hardware_bridge.codecs.lsc import Lsc
 from hardware_bridge.codecs.maestro import timeout_s
 from hardware_bridge.duty import returns
 from hardware_bridge.engine import Engine
-from hardware_bridge.errors import ParameterError, Refused, StateError
+from hardware_bridge.errors import BridgeError, ParameterError, Refused, StateError, WrongPrototype
 from hardware_bridge.events import FACES, SOURCES, Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.fit import require_fit
 from hardware_bridge.homing import homing_path, known_pulses
@@ -29,7 +30,9 @@ from hardware_bridge.shape_memory import ShapeMemory
 from hardware_bridge.streamer import Streamer
 from hardware_bridge.trajectory import Trajectory
 from hardware_bridge.transport import SerialTransport
-from hardware_bridge.virtual_port import Handshake, agree_on_board, agree_on_time_scale, read_handshake
+from hardware_bridge.virtual_port import Handshake, agree_on_board, agree_on_time_scale, examine, require_same_pty
+
+_log = logging.getLogger(__name__)
 
 
 class Bridge:
@@ -173,7 +176,13 @@ class Bridge:
             path = trajectory.starting_at(self._engine.lengths_m())
         return returns(path, calibration.mid_stroke_length_m, quantum_m)
 
-    def arm(self, holder: str, lifted_and_clear: bool, confirmed_lengths_m: Sequence[float | None] | None = None) -> str:
+    def arm(
+        self,
+        holder: str,
+        lifted_and_clear: bool,
+        confirmed_lengths_m: Sequence[float | None] | None = None,
+        prototype: str = "",
+    ) -> str:
         """Takes the lease and begins homing, which ends in ARMED (see ``snapshot`` and ``on_state``).
 
         Args:
@@ -181,20 +190,24 @@ class Bridge:
             lifted_and_clear: The operator's word: robot lifted, hands clear.
             confirmed_lengths_m: None or empty: the record of the last write. Else six rest lengths in [m] as the
                 operator sees them (None or NaN for a strut: its record). Where both exist they must agree within 2 mm.
+            prototype: Instance of the virtual prototype that is meant: no other one and no real robot is then armed.
+                Empty: whatever is behind the port.
 
         Returns:
             The lease, to be given with every command and proven at 2 Hz or more (wall time).
 
         Raises:
-            Refused: :class:`NotClear`, :class:`PositionUnknown`, :class:`LimitError`, :class:`ShapeError`,
+            Refused: :class:`WrongPrototype`, :class:`NotClear`, :class:`PositionUnknown`, :class:`LimitError`, :class:`ShapeError`,
                 :class:`StateError`, :class:`FaultLatched`.
             StateFileError: The last pulses cannot be kept.
         """
+        self._require_prototype(prototype)
         token = secrets.token_hex(8)
         if lifted_and_clear:
             self.judge_homing(confirmed_lengths_m)
         with self._engine.lock:
             self._require_open("arm")
+            self._require_prototype(prototype)  # once more: meanwhile another one may have come
             self._engine.save_record()
             self._engine.apply(_arming(holder, lifted_and_clear, token, confirmed_lengths_m))
         return token
@@ -323,12 +336,25 @@ class Bridge:
 
     def _connect(self, wanted_time_scale: float | None) -> tuple[float, LastPulses]:
         """Opens the port, real or virtual, and finds the record that belongs to the robot behind it."""
-        handshake = read_handshake(self.port)
+        handshake, doubt = examine(self.port)
+        if doubt:
+            _log.warning("%s is taken for a real port, not for a virtual prototype's: %s", self.port, doubt)
         agree_on_board(self.port, self.board.spec, handshake)
         time_scale = agree_on_time_scale(self.port, wanted_time_scale, handshake)
         self._link.open()
+        if handshake is not None:
+            try:
+                require_same_pty(self.port, handshake, self._link.descriptor)
+            except BridgeError:
+                self._link.close()
+                raise
         self._handshake = handshake
+        self._engine.prototype = "" if handshake is None else handshake.instance
         return time_scale, LastPulses(self._state_dir, self.port, "" if handshake is None else handshake.instance)
+
+    def _require_prototype(self, wanted: str) -> None:
+        if wanted and wanted != self._engine.prototype:
+            raise WrongPrototype(wanted, self.port, self._engine.prototype)
 
     def _require_open(self, command: str) -> None:
         if self._streamer is None:

@@ -66,6 +66,7 @@ class Engine:
         clock: Robot time.
         state: The supervisor's state.
         virtual: Whether the port is the virtual prototype's.
+        prototype: Its instance; empty on a real port.
     """
 
     def __init__(self, port: str, rules: Rules, board: Board, link: Link, callbacks: Callbacks) -> None:
@@ -74,6 +75,7 @@ class Engine:
         self.clock = RobotClock()
         self.state = State()
         self.virtual = False
+        self.prototype = ""
         self._port = port
         self._rules = rules
         self._board = board
@@ -325,6 +327,7 @@ class Engine:
                 port=self._port,
                 link_ok=self.link.is_up,
                 virtual_port=self.virtual,
+                prototype=self.prototype,
                 time_scale=self.clock.time_scale,
                 lengths_m=self.lengths_m(),
                 known=self._known(),

@@ -94,6 +94,7 @@ class Snapshot:
         reopened: How often a lost link was opened again since ``open``.
         board_errors: What the board said is wrong with it, until reset; empty also for a board that cannot say.
         replies: How the board answers its liveness queries, since ``open``.
+        prototype: The virtual prototype's instance, if the port has proven to be one's; empty on a real port.
         frames_sent: Frames written since ``open``.
         write_errors: Failed or partial writes since ``open``.
         late_periods: Periods that the frame loop missed, dropped and not made up for.
@@ -127,6 +128,7 @@ class Snapshot:
     reopened: int = 0
     board_errors: tuple[str, ...] = ()
     replies: Replies = NOTHING_ASKED
+    prototype: str = ""
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ def command(
     from hardware_bridge.jogger import Jogger
     from hardware_bridge.last_pulses import LastPulses, state_directory
     from hardware_bridge.transport import SerialTransport
-    from hardware_bridge.virtual_port import agree_on_board, default_link, read_handshake
+    from hardware_bridge.virtual_port import agree_on_board, default_link, examine, require_same_pty
     from sixstrut_cli.calibrating import Walk
     from sixstrut_cli.keys import require_keyboard
     from sixstrut_cli.practice import Eyes, practice_prototype
@@ -49,12 +49,17 @@ def command(
         behind = parse_board(board)
         practice = stack.enter_context(practice_prototype(time_scale, behind.spec)) if virtual else None
         chosen = str(practice or port or default_link())
-        handshake = read_handshake(chosen)
+        handshake, doubt = examine(chosen)
+        if doubt:
+            console.print(f"{chosen} is taken for a real port, not for a virtual prototype's: {doubt}", highlight=False)
         agree_on_board(chosen, behind.spec, handshake)
         record = LastPulses(state_directory(), chosen, "" if handshake is None else handshake.instance)
         scale = 1.0 if handshake is None else handshake.time_scale
-        jogger = Jogger(SerialTransport(chosen, baud or behind.quirks.usual_baud), behind, record, scale)
+        transport = SerialTransport(chosen, baud or behind.quirks.usual_baud)
+        jogger = Jogger(transport, behind, record, scale)
         stack.callback(jogger.close)
+        if handshake is not None:
+            require_same_pty(chosen, handshake, transport.descriptor)
         eyes = stack.enter_context(Eyes(None if handshake is None else handshake.observer, scale))
         walk = Walk(file, jogger, eyes.length_mm, console)
         try:
