@@ -19,6 +19,7 @@ import time
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from hardware_bridge import private_files
 from hardware_bridge.errors import BoardMismatch, PortMissing, TimeScaleError
@@ -152,7 +153,7 @@ def _proven(link: Path) -> Handshake:
     return shake
 
 
-def _ask(socket_path: str) -> tuple[int, Mapping[str, object]]:
+def _ask(socket_path: str) -> tuple[int, Mapping[str, Any]]:
     """Process and answer of whoever listens; a nonce shows that it answers now. Raises OSError, ValueError."""
     nonce = secrets.token_hex(16)
     until = time.monotonic() + ANSWER_LIMIT_S

@@ -75,7 +75,7 @@ class VirtualPrototype:
             self._clock = RobotClock(time_scale)
             self._served_s = self._now_s()
             identity = {
-                "instance": secrets.token_hex(8),
+                "instance": f"v{secrets.token_hex(8)}",  # never a number, for whoever writes it into YAML
                 "device": self._port.device,
                 "time_scale": time_scale,
                 "board": self._board.spec,

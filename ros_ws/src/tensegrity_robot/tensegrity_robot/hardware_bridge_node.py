@@ -28,7 +28,7 @@ from hardware_bridge.errors import BridgeError, PortMissing, Refused
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.protocol import Mode
 from hardware_bridge.trajectory import Trajectory
-from hardware_bridge.virtual_port import default_link, read_handshake
+from hardware_bridge.virtual_port import default_link, examine
 from sim_core.errors import SimError
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot import bridge_diagnostics, bridge_messages, messages, qos
@@ -165,11 +165,12 @@ class HardwareBridgeNode(LifecycleNode):
 
     def _autostart(self) -> BridgeError | None:
         """To active; without a port and without a prototype, later. Returns what else goes wrong."""
-        if not self._settings.port and read_handshake(str(default_link())) is None:
-            self._hint = NO_PROTOTYPE
+        handshake, doubt = (None, "") if self._settings.port else examine(str(default_link()))
+        if not self._settings.port and handshake is None:
+            self._hint = NO_PROTOTYPE + (f" (what lies at {default_link()} is not taken for one: {doubt})" if doubt else "")
             if not self._hinted:
                 self._hinted = True
-                self.get_logger().warning(NO_PROTOTYPE)
+                self.get_logger().warning(self._hint)
             return None
         if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self._hinted = False  # from now on its life is the operator's

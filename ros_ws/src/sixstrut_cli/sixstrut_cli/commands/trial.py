@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.commands.options import MOST_PERTURBATION
+from sixstrut_cli.commands.options import MOST_PERTURBATION, DomainOption
 
 
 def command(
@@ -38,6 +38,7 @@ def command(
     time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Its robot seconds per second.")] = 8.0,
     by_hand: Annotated[bool, typer.Option("--by-hand", help="Judge virtual trials yourself, to practise.")] = False,
     plan_only: Annotated[bool, typer.Option("--plan", help="Show the plan and its estimated time, and leave.")] = False,
+    domain: DomainOption = None,
 ) -> None:
     """Run a session: primitives × gaits × repeats, one record a trial in a ledger and in the bag. Resumable after anything.
 
@@ -66,5 +67,5 @@ def command(
         "actuators": actuators,
     }
     where = str(calibration or "")
-    asked = Asked(session, plan, experimenter or login(), virtual, port, board, baud, where, time_scale, by_hand, plan_only)
+    asked = Asked(session, plan, experimenter or login(), virtual, port, board, baud, where, time_scale, by_hand, plan_only, domain)
     raise typer.Exit(run(asked))

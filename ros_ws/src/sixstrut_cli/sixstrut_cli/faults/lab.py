@@ -51,11 +51,12 @@ class Lab:
 
     Attributes:
         folder: Of everything that the stack writes.
-        domain: ROS domain.
+        domain: ROS domain. locks: descriptors that its processes keep open.
     """
 
     folder: Path
     domain: int
+    locks: tuple[int, ...] = ()
     processes: Processes = field(init=False)
     _operator: Operator | None = None
     _setup: Setup | None = None
@@ -64,7 +65,7 @@ class Lab:
     _facts: dict[object, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.processes = Processes(self.folder, self.domain)
+        self.processes = Processes(self.folder, self.domain, self.locks)
 
     def close(self) -> None:
         """Ends everything."""
