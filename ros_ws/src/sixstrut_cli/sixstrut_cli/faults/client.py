@@ -36,6 +36,7 @@ class Operator:
         sent: every StrutsSent heard.
         feedback: phases of the last roll, in order.
         lease: proven by `keep_alive` while set.
+        prototype: instance of the virtual prototype that may be armed; empty: any robot.
     """
 
     def __init__(self, domain: int):
@@ -49,7 +50,7 @@ class Operator:
         self.diagnostics: dict[str, Any] = {}
         self.sent: list[Any] = []
         self.feedback: list[str] = []
-        self.lease = ""
+        self.lease = self.prototype = ""
         subscribe = self.node.create_subscription
         subscribe(BridgeState, "bridge/state", lambda message: setattr(self, "bridge", message), LATCHED)
         subscribe(TwinState, "twin/state", lambda message: setattr(self, "twin", message), 10)
@@ -179,7 +180,7 @@ class Operator:
 
     def arm(self) -> None:
         """Through the planner, until ARMED."""
-        answer = self.call("arm", Arm.Request(holder="test", lifted_and_clear=True))
+        answer = self.call("arm", Arm.Request(holder="test", lifted_and_clear=True, prototype=self.prototype))
         assert answer.success, answer.message
         self.sees(BridgeState.ARMED)
 
