@@ -138,6 +138,7 @@ def test_a_session_of_virtual_trials(lab: Lab) -> None:
     plan = ("--primitives", "1", "--gaits", "TC6-TO5", "--virtual", "--time-scale", "4")
     command = lab.beside.command("trial", str(folder), *plan)
     armed(command, folder)
+    lab.was_left_alone()
     interrupted(command)
     assert own_domain(command) != lab.domain
     lab.was_left_alone()
@@ -146,6 +147,7 @@ def test_a_session_of_virtual_trials(lab: Lab) -> None:
 def test_a_travel(lab: Lab) -> None:
     command = lab.beside.command("travel", "0.3,0", "-o", str(lab.folder / "travel"))
     armed(command, lab.folder / "travel")
+    lab.was_left_alone()
     interrupted(command)
     lab.was_left_alone()
 
