@@ -18,7 +18,8 @@ from typing import NamedTuple
 from sixstrut_cli.errors import StackError
 
 HIGHEST = 101
-"""A domain's UDP ports begin at 7400 + 250 times its number; above this, Linux gives them to anybody."""
+"""A domain's UDP ports begin at 7400 + 250 times its number; from here on, Linux gives them to anybody."""
+HIGHEST_OF_DDS = 232
 DRAWN = range(1, 101)
 """Not 0, where everything is that says nothing."""
 VARIABLE = "ROS_DOMAIN_ID"
@@ -56,8 +57,10 @@ def private_domain(wanted: int | None = None) -> Iterator[Domain]:
         wanted: this one, 0 to `HIGHEST`; None: one that nobody uses.
 
     Raises:
-        StackError: it is in use, or every one is.
+        StackError: it is in use, or every one is, or there is no such domain.
     """
+    if wanted is not None and not 0 <= wanted <= HIGHEST:
+        raise StackError(f"ROS domain {wanted}: valid is 0 to {HIGHEST}")
     with _environment(VARIABLE, RANGE, *WIDER):
         for name in WIDER:
             os.environ.pop(name, None)
@@ -100,8 +103,8 @@ def _exported(environ: Mapping[str, str]) -> int | None:
         return None
     if text.strip() == "":
         return 0
-    if not text.strip().isdecimal() or int(text) > HIGHEST:
-        raise StackError(f"{VARIABLE} is {text!r}: valid is 0 to {HIGHEST}")
+    if not text.strip().isdecimal() or int(text) > HIGHEST_OF_DDS:
+        raise StackError(f"{VARIABLE} is {text!r}: valid is 0 to {HIGHEST_OF_DDS}")
     return int(text)
 
 

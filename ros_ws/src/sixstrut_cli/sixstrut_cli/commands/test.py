@@ -14,6 +14,7 @@ from typing import Annotated
 
 import typer
 
+from hardware_bridge.child import bound
 from sixstrut_cli.domain import private_domain
 
 CONTEXT_SETTINGS = {"allow_extra_args": True, "ignore_unknown_options": True}
@@ -64,7 +65,7 @@ def _root() -> Path:
 def _run(name: str, arguments: list[str], root: Path, environ: dict[str, str], locks: tuple[int, ...]) -> tuple[int, float]:
     print(f"\n── {name}", flush=True)
     began = time.monotonic()
-    process = subprocess.Popen([sys.executable, *arguments], cwd=root, env=environ, stdin=subprocess.DEVNULL, pass_fds=locks)
+    process = subprocess.Popen(bound([sys.executable, *arguments]), cwd=root, env=environ, stdin=subprocess.DEVNULL, pass_fds=locks)
     try:
         code = process.wait()
     except BaseException:
