@@ -24,7 +24,7 @@ from typing import Any
 from hardware_bridge import private_files
 from hardware_bridge.errors import BoardMismatch, PortMissing, TimeScaleError
 
-ANSWER_LIMIT_S = 5.0
+ANSWER_LIMIT_S = 10.0
 """Wall time within which a prototype says who it is; it looks every 50 ms, if its computer lets it."""
 
 _LONGEST_ANSWER = 4096
@@ -95,6 +95,18 @@ def examine(port: str) -> tuple[Handshake | None, str]:
         return None, error.strerror or str(error)
     except (ValueError, KeyError, TypeError):
         return None, "what lives there gives no handshake of a virtual prototype"
+
+
+def require_prototype(link: Path) -> Handshake:
+    """The handshake of the prototype at a link that nobody named as a port: what else lives there is nobody's robot.
+
+    Raises:
+        PortMissing: There is none, with what is there instead.
+    """
+    handshake, doubt = examine(str(link))
+    if handshake is None:
+        raise PortMissing(str(link), doubt or "no virtual prototype lives there", "start one, or give the board's port")
+    return handshake
 
 
 def require_same_pty(port: str, handshake: Handshake, descriptor: int | None) -> None:

@@ -29,6 +29,7 @@ from hardware_bridge.virtual_port import (
     lock_path,
     observer_path,
     read_handshake,
+    require_prototype,
 )
 from hardware_bridge.virtual_prototype.pseudo_port import PseudoPort
 from tests.hardware_bridge.helpers import MID, Wire, wait_for
@@ -241,6 +242,8 @@ server.listen()
         link = shared / "sixstrut-0" / "prototype"
         with stranger(attack, str(link.parent), wire.port, json.dumps(claim)):
             assert examine(str(link)) == (None, f"folder {link.parent} belongs to user {NOBODY}")
+            with pytest.raises(PortMissing, match=f"belongs to user {NOBODY}; start one, or give the board's port"):
+                require_prototype(link)
             with pytest.raises(TimeScaleError, match="valid is 1 only"):
                 make_bridge(str(link), time_scale=20.0).open()
             bridge = make_bridge(str(link))

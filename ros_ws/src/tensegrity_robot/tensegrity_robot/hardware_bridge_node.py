@@ -28,7 +28,7 @@ from hardware_bridge.errors import BridgeError, PortMissing, Refused
 from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.protocol import Mode
 from hardware_bridge.trajectory import Trajectory
-from hardware_bridge.virtual_port import default_link, examine
+from hardware_bridge.virtual_port import default_link, examine, require_prototype
 from sim_core.errors import SimError
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot import bridge_diagnostics, bridge_messages, messages, qos
@@ -182,6 +182,8 @@ class HardwareBridgeNode(LifecycleNode):
     def _open_bridge(self) -> None:
         p = self._settings
         port = p.port or str(default_link())
+        if not p.port:
+            require_prototype(default_link())
         if self._shape_rule is None:
             self._shape_rule = ShapeRule(p.prototype_file, p.slack_limit)
         rules = rules_of(p, self._shape_rule)

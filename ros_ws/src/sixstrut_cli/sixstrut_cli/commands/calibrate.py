@@ -36,7 +36,7 @@ def command(
     from hardware_bridge.jogger import Jogger
     from hardware_bridge.last_pulses import LastPulses, state_directory
     from hardware_bridge.transport import SerialTransport
-    from hardware_bridge.virtual_port import agree_on_board, default_link, examine, require_same_pty
+    from hardware_bridge.virtual_port import agree_on_board, default_link, examine, require_prototype, require_same_pty
     from sixstrut_cli.calibrating import Walk
     from sixstrut_cli.keys import require_keyboard
     from sixstrut_cli.practice import Eyes, practice_prototype
@@ -49,7 +49,7 @@ def command(
         behind = parse_board(board)
         practice = stack.enter_context(practice_prototype(time_scale, behind.spec)) if virtual else None
         chosen = str(practice or port or default_link())
-        handshake, doubt = examine(chosen)
+        handshake, doubt = examine(chosen) if port else (require_prototype(Path(chosen)), "")
         if doubt:
             console.print(f"{chosen} is taken for a real port, not for a virtual prototype's: {doubt}", highlight=False)
         agree_on_board(chosen, behind.spec, handshake)
