@@ -149,6 +149,7 @@ def test_a_travel(lab: Lab) -> None:
     armed(command, lab.folder / "travel")
     lab.was_left_alone()
     interrupted(command)
+    assert own_domain(command) != lab.domain
     lab.was_left_alone()
 
 
@@ -194,6 +195,7 @@ def test_practising_to_calibrate(lab: Lab) -> None:
 def test_failures_made_to_happen(lab: Lab) -> None:
     command = lab.beside.command("faults", "--only", "4")
     assert command.ends(LIMIT_S) == 0, command.output
+    assert own_domain(command) != lab.domain
     lab.was_left_alone()
 
 

@@ -47,7 +47,8 @@ def command(
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=as_json) as bar:
         task = bar.add_task("", total=len(numbers))
-        for outcome in run(numbers, lambda row: bar.update(task, description=f"{row.number:2} {row.failure[:60]}"), domain):
+        show = lambda row: bar.update(task, description=f"{row.number:2} {row.failure[:60]}")  # noqa: E731
+        for outcome in run(numbers, show, domain, lambda line: bar.console.print(line, highlight=False)):
             outcomes.append(outcome)
             bar.advance(task)
             mark = "[red]FAILED[/red]" if outcome.problem else "[green]survived[/green]"

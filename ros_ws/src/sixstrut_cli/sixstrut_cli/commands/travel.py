@@ -75,7 +75,7 @@ def command(
     console.print(robot.words)
     robot.compile()
     with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links, console.status("starting") as status:
-        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds, domain)
+        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds, domain, console.print)
     picture = Path(trip.bag).with_suffix(".png")
     travel_picture(trip, picture)
     if as_json:

@@ -33,13 +33,17 @@ class Outcome:
 
 
 def run(
-    numbers: Collection[int], began: Callable[[Scenario], None] = lambda row: None, domain: int | None = None
+    numbers: Collection[int],
+    began: Callable[[Scenario], None] = lambda row: None,
+    domain: int | None = None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Iterator[Outcome]:
     """Runs rows, in the order that shares most; yields what came of each.
 
-    Args: began: told each row before it runs. domain: of ROS; None: any that is free.
+    Args: began: told each row before it runs. domain: of ROS; None: any that is free. say: told a line for people.
     """
     with private_domain(domain) as own, scratch() as folder:
+        say(own.words)
         os.environ.update(discovery_changes(os.environ, loopback_profile()))  # the operator is a node of this process
         lab = Lab(Path(folder), own.number, own.locks)
         try:

@@ -73,12 +73,13 @@ def travel(
     most_rolls: int = 0,
     use_odds: bool = True,
     domain: int | None = None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Trip:
     """Start a stack, arm, travel, end it all.
 
     Args:
         folder: for links and state. tell: told what goes on. reach_m, most_rolls: 0: the traveller's.
-        domain: of ROS; None: any that is free.
+        domain: of ROS; None: any that is free. say: told a line for people that is to stay.
 
     Raises:
         StackError: the stack does not come up, or a process of it dies. KeyboardInterrupt: with the struts held and the bag closed.
@@ -87,7 +88,8 @@ def travel(
     robot.bags.mkdir(parents=True, exist_ok=True)
     late = LateOrders()
     with private_domain(domain) as own:
-        tell(own.words)
+        say(own.words)
+        tell("starting virtual prototype, bridge, planner, traveller and twin")
         stack = Stack(robot.bags / "logs" / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}", *own.locks)
         try:
             handshake = robot.start(stack, folder, travels=True, planner=[("use_odds", use_odds)])
