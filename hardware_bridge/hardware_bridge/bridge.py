@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import secrets
 import threading
@@ -18,7 +19,7 @@ from hardware_bridge.codecs.lsc import Lsc
 from hardware_bridge.codecs.maestro import timeout_s
 from hardware_bridge.duty import returns
 from hardware_bridge.engine import Engine
-from hardware_bridge.errors import ParameterError, Refused, StateError
+from hardware_bridge.errors import ParameterError, Refused, StateError, WrongPrototype
 from hardware_bridge.events import FACES, SOURCES, Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.fit import require_fit
 from hardware_bridge.homing import homing_path, known_pulses
@@ -33,7 +34,9 @@ from hardware_bridge.streamer import Streamer
 from hardware_bridge.text import NAME_MOST, printable
 from hardware_bridge.trajectory import Trajectory
 from hardware_bridge.transport import SerialTransport
-from hardware_bridge.virtual_port import Handshake, agree_on_board, agree_on_time_scale, read_handshake
+from hardware_bridge.virtual_port import Handshake, agree_on_board, agree_on_time_scale, examine, require_same_pty
+
+_log = logging.getLogger(__name__)
 
 
 class Bridge:
@@ -193,7 +196,13 @@ class Bridge:
             path = trajectory.starting_at(self._engine.lengths_m())
         return returns(path, self.rules.calibration)
 
-    def arm(self, holder: str, lifted_and_clear: bool, confirmed_lengths_m: Sequence[float | None] | None = None) -> str:
+    def arm(
+        self,
+        holder: str,
+        lifted_and_clear: bool,
+        confirmed_lengths_m: Sequence[float | None] | None = None,
+        prototype: str = "",
+    ) -> str:
         """Takes the lease and begins homing, which ends in ARMED (see ``snapshot`` and ``on_state``).
 
         Args:
@@ -201,20 +210,24 @@ class Bridge:
             lifted_and_clear: The operator's word: robot lifted, hands clear.
             confirmed_lengths_m: None or empty: the record of the last write. Else six rest lengths in [m] as the
                 operator sees them (None or NaN for a strut: its record). Where both exist they must agree within 2 mm.
+            prototype: Instance of the virtual prototype that is meant: no other one and no real robot is then armed.
+                Empty: whatever is behind the port.
 
         Returns:
             The lease, to be given with every command and proven at 2 Hz or more (wall time).
 
         Raises:
-            Refused: :class:`NotClear`, :class:`BoardSilent`, :class:`PositionUnknown`, :class:`LimitError`, :class:`ShapeError`,
-                :class:`StateError`, :class:`FaultLatched`.
+            Refused: :class:`WrongPrototype`, :class:`NotClear`, :class:`BoardSilent`, :class:`PositionUnknown`,
+                :class:`LimitError`, :class:`ShapeError`, :class:`StateError`, :class:`FaultLatched`.
             StateFileError: The last pulses cannot be kept.
         """
+        self._require_prototype(prototype)
         token = secrets.token_hex(16)
         if lifted_and_clear:
             self.judge_homing(confirmed_lengths_m)
         with self._engine.lock:
             self._require_open("arm")
+            self._require_prototype(prototype)  # once more: meanwhile another one may have come
             if lifted_and_clear and self._engine.state.mode is not Mode.FAULT:
                 self._link.require_answered(self._silent_board)
             self._engine.save_record()
@@ -346,7 +359,9 @@ class Bridge:
 
     def _connect(self, wanted_time_scale: float | None) -> tuple[float, Records]:
         """Opens the port, real or virtual, and finds the records of the robot behind it."""
-        handshake = read_handshake(self.port)
+        handshake, doubt = examine(self.port)
+        if doubt:
+            _log.warning("%s is taken for a real port, not for a virtual prototype's: %s", self.port, doubt)
         agree_on_board(self.port, self.board.spec, handshake)
         time_scale = agree_on_time_scale(self.port, wanted_time_scale, handshake)
         identity = identity_of(self.port, self.rules.calibration, self.board, handshake)
@@ -356,17 +371,25 @@ class Bridge:
             records = Records(self._state_dir, identity, self.rules.limits, self.port)
         try:
             self._link.open()
+            if handshake is not None:
+                require_same_pty(self.port, handshake, self._link.descriptor)
         except BaseException:
+            self._link.close()
             if records is not self._records:
                 records.close()
             raise
         self._handshake, self._records = handshake, records
+        self._engine.prototype = "" if handshake is None else handshake.instance
         return time_scale, records
 
     def _let_go_of_robot(self) -> None:
         records, self._records = self._records, None
         if records is not None:
             records.close()
+
+    def _require_prototype(self, wanted: str) -> None:
+        if wanted and wanted != self._engine.prototype:
+            raise WrongPrototype(wanted, self.port, self._engine.prototype)
 
     def _require_open(self, command: str) -> None:
         if self._streamer is None:

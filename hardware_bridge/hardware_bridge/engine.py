@@ -70,6 +70,7 @@ class Engine:
         state: The supervisor's state.
         virtual: Whether the port is the virtual prototype's.
         session: Identity of this stream of events, new with every ``begin``; empty before the first.
+        prototype: Its instance; empty on a real port.
     """
 
     def __init__(self, port: str, rules: Rules, board: Board, link: Link, callbacks: Callbacks) -> None:
@@ -79,6 +80,7 @@ class Engine:
         self.state = State()
         self.virtual = False
         self.session = ""
+        self.prototype = ""
         self._port = port
         self._rules = rules
         self._board = board
@@ -373,6 +375,7 @@ class Engine:
                 port=self._port,
                 link_ok=self.link.is_up,
                 virtual_port=self.virtual,
+                prototype=self.prototype,
                 time_scale=self.clock.time_scale,
                 lengths_m=self.lengths_m(),
                 known=self._known(),

@@ -127,6 +127,15 @@ class Refused(BridgeError):
     """A command refused whole; nothing was sent."""
 
 
+class WrongPrototype(Refused):
+    """Arming was asked for another virtual prototype than the one behind the port, if there is one there."""
+
+    def __init__(self, wanted: str, port: str, there: str) -> None:
+        self.wanted, self.port, self.there = wanted, port, there
+        found = f"drives virtual prototype {there}" if there else "is at a real port"
+        super().__init__(f"virtual prototype {wanted} was to be armed, but this bridge {found} ({port}): nothing is armed")
+
+
 class LimitError(Refused):
     """A strut outside a limit. ``value`` and ``limit`` are in ``unit``."""
 

@@ -104,6 +104,7 @@ class Snapshot:
         reopened: How often a lost link was opened again since ``open``.
         board_errors: What the board said is wrong with it, until reset; empty also for a board that cannot say.
         replies: How the board answers its liveness queries, since ``open``.
+        prototype: The virtual prototype's instance, if the port has proven to be one's; empty on a real port.
         frames_sent: Frames written since ``open``.
         write_errors: Failed or partial writes since ``open``.
         late_periods: Periods that the frame loop missed, dropped and not made up for.
@@ -142,6 +143,7 @@ class Snapshot:
     robot: str = ""
     answered: bool = False
     duty_known: bool = True
+    prototype: str = ""
 
 
 @dataclass(frozen=True)

@@ -1,17 +1,17 @@
 """Telling a virtual prototype to fail, through the Unix socket beside its link. For tests; a real robot has no such thing.
 
 One connection, one request: a line of JSON in, a line of JSON back. What exists is in :data:`FAULTS`; ``clear`` ends all
-that last.
+that last. To ``{"who": NONCE}`` it says who it is, see ``virtual_port``.
 """
 
 from __future__ import annotations
 
 import json
-import socket
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
+from hardware_bridge import private_files
 from hardware_bridge.errors import PrototypeError
 from hardware_bridge.virtual_port import faults_path
 
@@ -80,9 +80,7 @@ def inject(link: Path, fault: str, direction: str = "", **numbers: float) -> flo
     """
     request = {"fault": fault, **({"direction": direction} if direction else {}), **numbers}
     try:
-        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-            connection.settimeout(ANSWER_LIMIT_S)
-            connection.connect(str(faults_path(link)))
+        with private_files.connect(faults_path(link), ANSWER_LIMIT_S) as connection:
             connection.sendall(json.dumps(request).encode() + b"\n")
             with connection.makefile("rb") as lines:
                 answer = json.loads(lines.readline() or b"{}")

@@ -72,6 +72,11 @@ class Link:
         """Whether the port is open and nothing has failed since."""
         return self._up
 
+    @property
+    def descriptor(self) -> int | None:
+        """As the transport's."""
+        return self._transport.descriptor
+
     def open(self) -> None:
         """Opens the port afresh; after a cut frame the link stays down until ``resynchronise``.
 

@@ -8,10 +8,12 @@ import socket
 import threading
 from collections.abc import Callable
 
+from hardware_bridge import private_files
 from hardware_bridge.errors import ObserverError
 from hardware_bridge.observation import Observation, decode_observation
 
 _log = logging.getLogger(__name__)
+ROOT = 0
 _RETRY_S = 0.5
 _LONGEST_LINE = 65536
 
@@ -20,9 +22,12 @@ class ObserverClient:
     """Calls ``on_observation`` with every observation, in order, from its thread; an exception there is logged.
 
     Args:
-        path: The observer's Unix socket, such as ``Bridge.observer``.
+        path: The observer's Unix socket, such as ``Bridge.observer``; its process must be this user's, or root's.
         on_observation: Takes an :class:`Observation`.
         on_connection: Told True when the observer is there, False when it is gone.
+
+    Attributes:
+        refused: It was somebody else's.
     """
 
     def __init__(
@@ -34,6 +39,7 @@ class ObserverClient:
         self._path = path
         self._on_observation = on_observation
         self._on_connection = on_connection
+        self.refused = False
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="observer", daemon=True)
         self._thread.start()
@@ -45,14 +51,19 @@ class ObserverClient:
 
     def _run(self) -> None:
         while not self._ending.is_set():
-            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection, contextlib.suppress(OSError):
-                connection.connect(self._path)
-                connection.settimeout(_RETRY_S)
-                self._tell(True)
-                try:
-                    self._follow(connection)
-                finally:
-                    self._tell(False)
+            try:
+                with private_files.connect(self._path, _RETRY_S, trusted=(ROOT,)) as connection, contextlib.suppress(OSError):
+                    self._tell(True)
+                    try:
+                        self._follow(connection)
+                    finally:
+                        self._tell(False)
+            except PermissionError as error:  # what strangers see is not believed
+                if not self.refused:
+                    self.refused = True
+                    _log.error("the observer is not followed: %s", error.strerror)
+            except OSError:
+                pass  # it is not there, or not yet
             self._ending.wait(_RETRY_S)
 
     def _follow(self, connection: socket.socket) -> None:

@@ -216,9 +216,15 @@ class RemoteBridge:
         """As ``Bridge.returns``."""
         return bool(self._host.call("returns", trajectory))
 
-    def arm(self, holder: str, lifted_and_clear: bool, confirmed_lengths_m: Sequence[float | None] | None = None) -> str:
+    def arm(
+        self,
+        holder: str,
+        lifted_and_clear: bool,
+        confirmed_lengths_m: Sequence[float | None] | None = None,
+        prototype: str = "",
+    ) -> str:
         """As ``Bridge.arm``."""
-        return str(self._host.call("arm", holder, lifted_and_clear, confirmed_lengths_m))
+        return str(self._host.call("arm", holder, lifted_and_clear, confirmed_lengths_m, prototype))
 
     def disarm(self, lease: str) -> None:
         """As ``Bridge.disarm``."""

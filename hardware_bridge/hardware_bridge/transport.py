@@ -55,6 +55,11 @@ class SerialTransport:
         """Whether ``open`` succeeded and ``close`` has not been called."""
         return self._serial is not None
 
+    @property
+    def descriptor(self) -> int | None:
+        """The open file, where the port is one."""
+        return self._descriptor
+
     def open(self) -> None:
         """Opens the port exclusively, whatever its name is spelled like (see ``port_lock``).
 

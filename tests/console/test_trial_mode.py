@@ -4,6 +4,7 @@ import re
 
 import pytest
 
+from sixstrut_cli.faults.processes import Processes
 from sixstrut_cli.trials.ledger import Ledger
 from tests.sixstrut_cli.terminal import Terminal
 from tests.sixstrut_cli.trials.test_trial import PLAN
@@ -14,11 +15,14 @@ VIRTUAL = ("--virtual", "--time-scale", "3")
 """Slowly: the browser draws in software, and a prototype whose orders come late makes a trial void."""
 
 
-def test_a_person_judges_in_the_browser(tmp_path, domain, processes, chromium):
+def test_a_person_judges_in_the_browser(tmp_path, compiled, chromium):
     words = ("trial", str(tmp_path / "s"), "--experimenter", "Ada", "--by-hand", *PLAN, *VIRTUAL)
-    person = Terminal(*words, folder=tmp_path, environ={"ROS_DOMAIN_ID": str(domain)})
+    person = Terminal(*words, folder=tmp_path)
+    processes = None
     try:
-        person.says(f"ROS_DOMAIN_ID={domain} ./sixstrut console", limit_s=150)
+        person.says("./sixstrut console", limit_s=150)
+        own = int(re.search(r"ROS_DOMAIN_ID=(\d+) ./sixstrut console", person.text)[1])
+        processes = Processes(tmp_path, own)
         person.says("Lift the robot, keep hands clear", limit_s=150)
         console = processes.command("console", "--port", "0")
         console.says("console: http://127.0.0.1:", limit_s=60.0)
@@ -47,5 +51,7 @@ def test_a_person_judges_in_the_browser(tmp_path, domain, processes, chromium):
         page.close()
     finally:
         person.close()
+        if processes is not None:
+            processes.kill()
     outcomes = [(line.experimenter, line.outcome) for line in Ledger(tmp_path / "s").standing().trials.values()]
     assert outcomes == [("Ada", "success"), ("Ada", "failure")]

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sixstrut_cli.faults.domain import free_domain
+from sixstrut_cli.domain import free_domain
 
 
 @pytest.fixture(scope="module")

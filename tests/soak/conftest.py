@@ -33,7 +33,7 @@ def lab():
     """A stack of this module's own, in a ROS domain of its own."""
     from pathlib import Path
 
-    from sixstrut_cli.faults.domain import free_domain
+    from sixstrut_cli.domain import free_domain
     from sixstrut_cli.faults.lab import Lab, scratch
 
     with free_domain() as domain, scratch() as folder:

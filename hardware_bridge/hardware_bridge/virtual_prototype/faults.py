@@ -1,16 +1,16 @@
-"""Where a virtual prototype is told to fail (see ``hardware_bridge.fault_injection``), and what then becomes of it."""
+"""Where a virtual prototype says who it is, and is told to fail (see ``virtual_port`` and ``fault_injection``)."""
 
 from __future__ import annotations
 
 import contextlib
 import json
-import os
-import socket
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware_bridge import private_files
 from hardware_bridge.fault_injection import TO_BOARD, check_fault
 from hardware_bridge.virtual_prototype.board import EmulatedBoard
 from hardware_bridge.virtual_prototype.faulty_line import Direction
@@ -23,13 +23,17 @@ _LONGEST_REQUEST = 4096
 class Faults:
     """What is wrong with the robot now. All times are robot time in [s]; nothing here waits.
 
+    Args:
+        identity: What is said to who asks: instance, device, time scale and board of a ``virtual_port.Handshake``.
+
     Attributes:
         to_board, from_board: The two ways of the line.
     """
 
-    def __init__(self, path: Path, port: PseudoPort, board: EmulatedBoard) -> None:
+    def __init__(self, path: Path, port: PseudoPort, board: EmulatedBoard, identity: Mapping[str, object]) -> None:
         self.to_board, self.from_board = Direction(), Direction()
         self._path = path
+        self._identity = identity
         self._port = port
         self._board = board
         self._battery_mv = board.battery_mv
@@ -37,11 +41,7 @@ class Faults:
         self._sags_until_s = float("inf")
         self._stalling: set[int] = set()
         self._stalled_m: dict[int, float] = {}
-        path.unlink(missing_ok=True)
-        self._server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._server.bind(os.fspath(path))
-        self._server.listen(_MAX_CLIENTS)
-        self._server.setblocking(False)
+        self._server = private_files.listen(path, _MAX_CLIENTS)
 
     def fileno(self) -> int:
         """Readable when somebody has something to tell."""
@@ -84,7 +84,10 @@ class Faults:
 
     def _answer(self, line: bytes, now_s: float) -> dict[str, object]:
         try:
-            fault, direction, numbers = check_fault(json.loads(line))
+            request = json.loads(line)
+            if isinstance(request, Mapping) and "who" in request:
+                return {**self._identity, "who": request["who"]}
+            fault, direction, numbers = check_fault(request)
         except ValueError as error:
             return {"error": str(error)}
         self._begin(fault, self.to_board if direction == TO_BOARD else self.from_board, numbers, now_s)

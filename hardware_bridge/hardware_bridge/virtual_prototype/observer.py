@@ -7,10 +7,10 @@ with a null ``face`` on no face. A client that does not read loses observations,
 from __future__ import annotations
 
 import contextlib
-import os
 import socket
 from pathlib import Path
 
+from hardware_bridge import private_files
 from hardware_bridge.observation import Observation, encode_observation
 
 PERIOD_S = 0.05
@@ -22,11 +22,7 @@ class Observer:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        path.unlink(missing_ok=True)
-        self._server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        self._server.bind(os.fspath(path))
-        self._server.listen(_MAX_CLIENTS)
-        self._server.setblocking(False)
+        self._server = private_files.listen(path, _MAX_CLIENTS)
         self._clients: dict[socket.socket, bytes] = {}
 
     def fileno(self) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import os
 import secrets
 import select
 from collections.abc import Callable
@@ -15,7 +14,8 @@ from numpy.typing import NDArray
 
 from hardware_bridge.calibration import Calibration
 from hardware_bridge.clock import RobotClock
-from hardware_bridge.virtual_port import Handshake, faults_path, observer_path
+from hardware_bridge.errors import PrototypeError
+from hardware_bridge.virtual_port import faults_path, observer_path
 from hardware_bridge.virtual_prototype.board import EmulatedBoard
 from hardware_bridge.virtual_prototype.body import Body
 from hardware_bridge.virtual_prototype.faults import Faults
@@ -72,15 +72,18 @@ class VirtualPrototype:
         self._port = PseudoPort(link)
         try:
             self._observer = Observer(observer_path(link))
-            self._faults = Faults(faults_path(link), self._port, self._board)
             self._clock = RobotClock(time_scale)
             self._served_s = self._now_s()
-            instance, observer = secrets.token_hex(8), str(self._observer.path)
-            handshake = Handshake(os.getpid(), instance, self._port.device, time_scale, observer, self._board.spec)
-            self._port.announce(handshake)
-        except BaseException:
+            identity = {
+                "instance": f"v{secrets.token_hex(8)}",  # never a number, for whoever writes it into YAML
+                "device": self._port.device,
+                "time_scale": time_scale,
+                "board": self._board.spec,
+            }
+            self._faults = Faults(faults_path(link), self._port, self._board, identity)
+        except OSError as error:
             self._port.close()
-            raise
+            raise PrototypeError(str(link), error.strerror or str(error)) from error
         self._observe_s = 0.0
         self._late_s = 0.0
         self._lag_told = False

@@ -9,10 +9,10 @@ import termios
 import time
 import tty
 from pathlib import Path
-from typing import IO
 
+from hardware_bridge import private_files
 from hardware_bridge.errors import PrototypeError
-from hardware_bridge.virtual_port import Handshake, handshake_path, lock_path, write_handshake
+from hardware_bridge.virtual_port import lock_path
 
 _LOCK_LIMIT_S = 0.5
 
@@ -28,12 +28,12 @@ class PseudoPort:
     def __init__(self, link: Path) -> None:
         self.link = link
         try:
-            link.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             self._lock = _lock(link)
         except OSError as error:
-            raise PrototypeError(str(link), f"{error.strerror}; give --link in a folder that can be written") from error
+            problem = error.strerror or str(error)
+            raise PrototypeError(str(link), f"{problem}; give --link in a folder of your own") from error
         if link.exists() and not link.is_symlink():
-            self._lock.close()
+            os.close(self._lock)
             raise PrototypeError(str(link), "exists and is no link of ours; remove it or give another --link")
         # Our own copy of the far end stays open: without it, every client's close would end the line.
         self._near, self._far = os.openpty()
@@ -48,10 +48,6 @@ class PseudoPort:
     def fileno(self) -> int:
         """Readable when bytes have come."""
         return self._near
-
-    def announce(self, handshake: Handshake) -> None:
-        """Puts the handshake beside the link."""
-        write_handshake(self.link, handshake)
 
     def read(self, limit: int) -> bytes:
         """What has come, up to ``limit`` bytes, without waiting."""
@@ -76,29 +72,32 @@ class PseudoPort:
         termios.tcflow(self._far, termios.TCOOFF if on else termios.TCOON)
 
     def close(self) -> None:
-        """Removes link and handshake, if they are still ours, and ends the line."""
+        """Removes the link, if it is still ours, and ends the line."""
         if self.link.is_symlink() and os.readlink(self.link) == self.device:
             self.link.unlink()
-            handshake_path(self.link).unlink(missing_ok=True)
         os.close(self._near)
         os.close(self._far)
-        self._lock.close()
+        os.close(self._lock)
 
 
-def _lock(link: Path) -> IO[bytes]:
+def _lock(link: Path) -> int:
     """The lock that says that the owner lives; the kernel lets it go with the process.
 
     Its file stays: removing it would let two owners hold locks on two files of one name.
     """
-    handle = lock_path(link).open("ab")
+    folder = private_files.open_folder(link.parent, create=True)
+    try:
+        lock = private_files.open_file(folder, lock_path(link).name, os.O_RDWR | os.O_CREAT)
+    finally:
+        os.close(folder)
     deadline = time.monotonic() + _LOCK_LIMIT_S
     while True:
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            return handle
+            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return lock
         except BlockingIOError:
             if time.monotonic() > deadline:  # a bridge that only looks holds it for microseconds
-                handle.close()
+                os.close(lock)
                 problem = "another one lives there; stop it, or give another --link"
                 raise PrototypeError(str(link), problem) from None
             time.sleep(0.01)

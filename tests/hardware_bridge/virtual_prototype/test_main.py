@@ -144,5 +144,5 @@ def test_a_folder_that_cannot_be_made_is_one_line(tmp_path: Path, capsys: pytest
         for number, handler in before.items():
             signal.signal(number, handler)
     error = capsys.readouterr().err
-    assert "give --link in a folder that can be written" in error
+    assert "give --link in a folder of your own" in error
     assert error.count("\n") == 1

@@ -20,7 +20,7 @@ from hardware_bridge.observation import Observation, decode_observation
 from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.protocol import Mode, Outcome
 from hardware_bridge.trajectory import Trajectory
-from hardware_bridge.virtual_port import handshake_path, observer_path
+from hardware_bridge.virtual_port import observer_path, read_handshake
 from hardware_bridge.virtual_prototype.boards import emulate
 from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
 from tests.hardware_bridge.helpers import MID, MID_M, StillBody, wait_for
@@ -93,7 +93,7 @@ def test_a_stale_link_is_replaced_and_a_file_is_not(start_prototype: Callable, t
 
 def test_nothing_but_the_lock_is_left_behind(start_prototype: Callable, tmp_path: Path) -> None:
     running = start_prototype()
-    assert handshake_path(running.link).exists()
+    assert read_handshake(str(running.link)) is not None
     assert observer_path(running.link).exists()
     running.kill()
     assert [path.name for path in tmp_path.iterdir()] == ["prototype.lock"]

@@ -19,11 +19,12 @@ from sim_core.parameters import load_prototype
 from sim_core.perturbation import LAW
 from sim_core.policy import neutral_lengths
 from sim_core.symmetry import GROUP, carrier
+from sixstrut_cli.domain import Domain, private_domain
 from sixstrut_cli.pictures import session_picture
 from sixstrut_cli.replaying import replay
 from sixstrut_cli.route import next_face, walk
 from sixstrut_cli.stack import Stack, Uninterrupted, wait_until
-from sixstrut_cli.virtual_stack import VirtualRobot, own_domain
+from sixstrut_cli.virtual_stack import VirtualRobot
 
 ROLL_RUNS_S = 10.0
 """Robot time that a strut runs in a roll, at most: 45 mm there and back."""
@@ -37,11 +38,12 @@ CONSOLE_LIMIT_S = 60.0
 
 @dataclass(frozen=True)
 class Plan:
-    """What the demo does. `console`: also in the browser."""
+    """What the demo does. `console`: also in the browser. `domain`: of ROS; None: any that is free."""
 
     rolls: int
     robot: VirtualRobot
     console: bool = False
+    domain: int | None = None
 
 
 class Interrupted(KeyboardInterrupt):
@@ -52,20 +54,19 @@ def run(plan: Plan) -> int:
     """Run the demo. Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not."""
     plan.robot.require()
     plan.robot.bags.mkdir(parents=True, exist_ok=True)
-    own_domain()
 
     def interrupt(number: int, frame: Any) -> None:
         raise Interrupted
 
     signal.signal(signal.SIGTERM, interrupt)
     console = Console(highlight=False, soft_wrap=True)
-    with tempfile.TemporaryDirectory(prefix="sixstrut-demo-") as folder:
-        return _Demo(plan, Path(folder), console).run()
+    with private_domain(plan.domain) as domain, tempfile.TemporaryDirectory(prefix="sixstrut-demo-") as folder:
+        return _Demo(plan, Path(folder), domain, console).run()
 
 
 class _Demo:
-    def __init__(self, plan: Plan, folder: Path, console: Console):
-        self.plan, self.folder, self.console = plan, folder, console
+    def __init__(self, plan: Plan, folder: Path, domain: Domain, console: Console):
+        self.plan, self.folder, self.domain, self.console = plan, folder, domain, console
         self.bag: Path | None = None
         self.mirrors = 0
         self.done = 0
@@ -74,16 +75,17 @@ class _Demo:
     def run(self) -> int:
         plan = self.plan
         self.console.print(plan.robot.words)
+        self.console.print(self.domain.words)
         log_folder = plan.robot.bags / "logs" / time.strftime("%Y%m%d-%H%M%S")
         stopped = False
-        stack = Stack(log_folder)
+        stack = Stack(log_folder, *self.domain.locks)
         try:
             plan.robot.compile()
             with self.console.status("starting the virtual prototype, bridge, planner and twin"):
-                plan.robot.start(stack, self.folder)
+                prototype = plan.robot.start(stack, self.folder).instance
             if plan.console:
                 self._open_console(stack)
-            self._operate(stack)
+            self._operate(stack, prototype)
         except KeyboardInterrupt:
             stopped = True
             self.console.print("\nstopping: the struts are held, the bag is being closed")
@@ -103,10 +105,10 @@ class _Demo:
         line = next(line for line in log.read_text(errors="replace").splitlines() if line.startswith("console: "))
         self.console.print(line.partition("   ")[0])
 
-    def _operate(self, stack: Stack) -> None:
+    def _operate(self, stack: Stack, prototype: str) -> None:
         from sixstrut_cli.operator_client import Operator  # rclpy: only once the processes are on their way
 
-        operator = Operator(stack)
+        operator = Operator(stack, prototype)
         try:
             with self.console.status("waiting for bridge, planner and twin to find each other"):
                 operator.wait_for_stack()

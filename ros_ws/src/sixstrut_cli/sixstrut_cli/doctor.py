@@ -12,12 +12,13 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
+from hardware_bridge import virtual_port
 from hardware_bridge.calibration import load_calibration
 from hardware_bridge.calibration_file import Unfinished
 from hardware_bridge.codecs import Board
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.state_file import state_directory
-from hardware_bridge.virtual_port import default_link, read_handshake
+from hardware_bridge.virtual_port import default_link
 from tensegrity_robot.discovery import PROFILES, RANGE
 from tensegrity_robot.session_log import bag_folder
 
@@ -54,10 +55,15 @@ def examine(port: str, board: Board, baud: int, calibration: Path | None) -> Ite
     from sixstrut_cli.doctor_port import check_bluetooth, check_port
 
     chosen = port or str(default_link())
-    virtual = read_handshake(chosen) is not None
+    handshake, doubt = virtual_port.examine(chosen)
+    virtual = handshake is not None
     yield from check_versions()
     yield check_workspace()
     yield from check_bluetooth(chosen)
+    if doubt:
+        yield Finding(
+            "prototype", Health.MEND, f"{chosen} is not taken for a virtual prototype: {doubt}", "start it anew, or give --port"
+        )
     if port or virtual:
         yield from check_port(chosen, baud or board.quirks.usual_baud, board)
     else:

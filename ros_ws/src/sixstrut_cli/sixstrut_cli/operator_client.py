@@ -29,11 +29,17 @@ from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
 LONGEST_WORDS = 2000
 DISCOVERY_LIMIT_S = 30.0
+ARM_LIMIT_S = 40.0
+"""The planner gives the bridge so long to load its judge of shapes, and a little more."""
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 class Operator:
     """Talks to the stack; every wait has a limit.
+
+    Args:
+        prototype: instance of the virtual prototype that is meant: nothing is heard or wanted of another one's bridge. Empty:
+            whatever robot the stack has.
 
     Attributes:
         bridge, twin, observed: newest bridge state, twin state, face observation; None before the first.
@@ -41,8 +47,9 @@ class Operator:
         heard: when (time.monotonic) the bridge was heard last.
     """
 
-    def __init__(self, stack: Stack):
+    def __init__(self, stack: Stack, prototype: str = ""):
         self._stack = stack
+        self._prototype = prototype
         os.environ.update(discovery_changes(os.environ, loopback_profile()))
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node("sixstrut_operator")
@@ -79,6 +86,8 @@ class Operator:
         return lambda message: setattr(self, name, message)
 
     def _keep_bridge(self, message: Any) -> None:
+        if self._prototype and message.prototype != self._prototype:
+            return  # another robot's, or not proven yet
         self.bridge_before, self.bridge, self.heard = self.bridge, _shown(message), time.monotonic()
 
     def _keep_joints(self, name: str) -> Callable[[PoseArray], None]:
@@ -103,10 +112,17 @@ class Operator:
         if observer:
             wait_until(lambda: self.observed is not None, DISCOVERY_LIMIT_S, "the first observed face", self._stack)
 
+    def _require_alone(self) -> None:
+        """Raise StackError if another bridge has come: with a virtual prototype, nothing is asked of two."""
+        if self._prototype and self._node.count_publishers("bridge/state") > 1:
+            raise StackError("another hardware bridge has come into this ROS domain: end it, then try again")
+
     def arm(self, confirmed_lengths_m: Sequence[float]) -> None:
         """Arm and wait for the end of homing. StackError with the bridge's reason if refused."""
-        request = Arm.Request(holder="operator", lifted_and_clear=True, confirmed_lengths_m=list(confirmed_lengths_m))
-        answer = self._result(self._arm.call_async(request), 10.0, "an answer to arm")
+        self._require_alone()
+        request = Arm.Request(holder="operator", lifted_and_clear=True, prototype=self._prototype)
+        request.confirmed_lengths_m = list(confirmed_lengths_m)
+        answer = self._result(self._arm.call_async(request), ARM_LIMIT_S, "an answer to arm")
         if not answer.success:
             raise StackError(f"arming was refused: {answer.message}")
         wait_until(
@@ -125,6 +141,7 @@ class Operator:
     def set_face(self, face: str) -> None:
         """Say which face the robot stands on, as a person sees it. StackError if the bridge does not take it."""
         wait_until(self._set_face.service_is_ready, DISCOVERY_LIMIT_S, "the bridge's service set_face", self._stack)
+        self._require_alone()
         request = SetFace.Request(face=face, source=FaceObservation.SOURCE_OPERATOR)
         answer = self._result(self._set_face.call_async(request), 10.0, "an answer to set_face")
         if not answer.success:
@@ -133,6 +150,7 @@ class Operator:
     def log_trial(self, record: TrialRecord) -> None:
         """Put a trial into the bag; on return it is on the disk. StackError if it is not."""
         wait_until(self._log_trial.service_is_ready, DISCOVERY_LIMIT_S, "the bridge's service log_trial", self._stack)
+        self._require_alone()
         answer = self._result(self._log_trial.call_async(LogTrial.Request(record=record)), 20.0, "an answer to log_trial")
         if not answer.success:
             raise StackError(f"the trial is not in the bag: {answer.message}")
@@ -141,6 +159,8 @@ class Operator:
         """Call `stop` or `reset`. StackError with the bridge's reason if it cannot be."""
         client = self._triggers[name]
         wait_until(client.service_is_ready, DISCOVERY_LIMIT_S, f"the bridge's service {name}", self._stack)
+        if name != "stop":  # that one may well reach everybody
+            self._require_alone()
         answer = self._result(client.call_async(Trigger.Request()), 10.0, f"an answer to {name}")
         if not answer.success:
             raise StackError(f"{name} failed: {answer.message}")

@@ -14,6 +14,7 @@ from types import TracebackType
 
 import numpy as np
 
+from hardware_bridge.child import bound
 from hardware_bridge.observation import Observation
 from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.virtual_port import read_handshake
@@ -35,12 +36,11 @@ def practice_prototype(time_scale: float, board: str) -> Iterator[Path]:
         link = Path(folder) / "prototype"
         words = ["-m", "hardware_bridge.virtual_prototype", "--link", str(link), "--board", board]
         words += ["--time-scale", f"{time_scale:g}"]
-        child = subprocess.Popen(
-            [sys.executable, *words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True
-        )
+        command = bound([sys.executable, *words])
+        child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
         try:
             end = time.monotonic() + START_LIMIT_S
-            while read_handshake(str(link)) is None:
+            while (shake := read_handshake(str(link))) is None or shake.pid != child.pid:
                 if child.poll() is not None or time.monotonic() > end:
                     raise StackError("the virtual prototype does not start: run ./sixstrut setup, then try again")
                 time.sleep(0.02)

@@ -5,23 +5,15 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import FrameType, TracebackType
 
+from hardware_bridge.child import bound
 from sixstrut_cli.errors import StackError
 
 STOP_LIMIT_S = 20.0
-_LAUNCH = """
-import ctypes, os, signal, sys
-ctypes.CDLL(None).prctl(1, signal.SIGINT)
-if os.getppid() != int(sys.argv[1]):
-    sys.exit(1)
-os.execv(sys.argv[2], sys.argv[2:])
-"""
-"""Becomes a child's program, and has the kernel interrupt it when its parent dies, even by SIGKILL (PR_SET_PDEATHSIG)."""
 
 
 def executable(package: str, name: str) -> Path:
@@ -57,18 +49,18 @@ class Stack:
     If this process is killed, they are interrupted: the bridge then holds the struts and closes its bag.
     """
 
-    def __init__(self, log_folder: Path, lock: int | None = None):
-        """Args: lock: a descriptor that the children keep open, so that its lock outlives this process as long as they live."""
+    def __init__(self, log_folder: Path, *locks: int):
+        """Args: locks: descriptors that the children keep open, so that the locks outlive this process as long as they live."""
         self.log_folder = log_folder
         log_folder.mkdir(parents=True, exist_ok=True)
-        self._kept = () if lock is None else (lock,)
+        self._kept = locks
         self._children: dict[str, subprocess.Popen[bytes]] = {}
 
     def start(self, name: str, command: Sequence[str | Path], environ: Mapping[str, str] | None = None) -> None:
         """Start a process; its output goes to <log folder>/<name>.log. Args: environ: beside what this process has."""
         with open(self.log_folder / f"{name}.log", "wb", opener=_private) as log:  # a console's holds its address
             self._children[name] = subprocess.Popen(
-                [sys.executable, "-I", "-S", "-c", _LAUNCH, str(os.getpid()), *(str(word) for word in command)],
+                bound(command),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,

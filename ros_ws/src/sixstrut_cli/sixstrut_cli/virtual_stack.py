@@ -3,26 +3,48 @@
 from __future__ import annotations
 
 import os
-import random
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 from hardware_bridge.codecs.registry import parse_board
+from hardware_bridge.virtual_port import Handshake, read_handshake
 from sim_core.actuators import require_actuators
 from sim_core.library import load_library
 from sim_core.structure import require_face
 from sim_core.warm_up import Stage
 from sixstrut_cli.compiling import compile_first
+from sixstrut_cli.domain import private_domain
 from sixstrut_cli.stack import Stack, Uninterrupted, executable, ros_arguments, wait_until
 
+START_LIMIT_S = 60.0
 
-def own_domain() -> None:
-    """A ROS domain for this process and its children, unless the user chose one: two stacks must not hear each other."""
-    os.environ.setdefault("ROS_DOMAIN_ID", str(random.SystemRandom().randrange(1, 100)))
+
+def start_prototype(stack: Stack, link: Path, words: Mapping[str, object]) -> Handshake:
+    """Start a virtual prototype; returned as soon as it has proven that the pty at its link is its own.
+
+    Args:
+        words: its options, without dashes.
+
+    Raises:
+        StackError: it does not come up.
+    """
+    given = [word for name, value in words.items() for word in (f"--{name}", str(value))]
+    name = "virtual_prototype"
+    stack.start(name, [sys.executable, "-m", "hardware_bridge.virtual_prototype", "--link", link, *given])
+    found: list[Handshake] = []
+
+    def ready() -> bool:
+        shake = read_handshake(str(link))
+        if shake is not None and shake.pid == stack.pids()[name]:
+            found.append(shake)
+        return bool(found)
+
+    wait_until(ready, START_LIMIT_S, "the virtual prototype's port", stack)
+    return found[0]
 
 
 @dataclass(frozen=True)
@@ -66,18 +88,20 @@ class VirtualRobot:
             f"(seed {self.seed}){ground}; {pace}; every roll here is virtual"
         )
 
-    def start(self, stack: Stack, folder: Path, travels: bool = False, planner: Sequence[tuple[str, object]] = ()) -> None:
-        """Start the processes; the link and the bridge's state are in `folder`.
+    def start(self, stack: Stack, folder: Path, travels: bool = False, planner: Sequence[tuple[str, object]] = ()) -> Handshake:
+        """Start the processes; the link and the bridge's state are in `folder`. Nothing but this prototype can be armed by them.
 
         Args:
             travels: start the traveller too. planner: further parameters of planner and traveller, (name, value).
+
+        Returns:
+            The prototype's handshake.
 
         Raises:
             StackError: the virtual prototype does not come up.
         """
         link = folder / "prototype"
         words = {
-            "link": link,
             "face": self.face,
             "seed": self.seed,
             "perturbation": self.perturbation,
@@ -86,9 +110,7 @@ class VirtualRobot:
             "board": self.board,
             "actuators": self.actuators,
         }
-        given = [word for name, value in words.items() for word in (f"--{name}", str(value))]
-        stack.start("virtual_prototype", [sys.executable, "-m", "hardware_bridge.virtual_prototype", *given])
-        wait_until(link.exists, 60.0, "the virtual prototype's port", stack)
+        handshake = start_prototype(stack, link, words)
         gaits = {"library": self.library}
         bridge = {
             "port": link,
@@ -98,20 +120,24 @@ class VirtualRobot:
             "state_folder": folder,
             "library": self.library,
         }
-        nodes: dict[str, dict[str, object]] = {"twin": {"start_face": self.face}, "gait_planner": {**gaits}}
+        nodes: dict[str, dict[str, object]] = {
+            "twin": {"start_face": self.face},
+            "gait_planner": {**gaits, "prototype": handshake.instance},
+        }
         if travels:
             nodes["traveller"] = {**gaits, **dict(planner)}
         nodes["hardware_bridge"] = bridge
         for name, parameters in nodes.items():
             stack.start(name, [executable("tensegrity_robot", name), *ros_arguments(parameters)])
+        return handshake
 
 
 @contextmanager
-def running(robot: VirtualRobot, name: str, told: Callable[[str], None]) -> Iterator[Stack]:
+def running(robot: VirtualRobot, name: str, told: Callable[[str], None], domain: int | None = None) -> Iterator[Stack]:
     """A whole stack, traveller too, in a ROS domain of its own, while somebody watches; however that ends, the bag is closed.
 
     Args:
-        name: of whoever watches, for the folder of logs. told: a line for people.
+        name: of whoever watches, for the folder of logs. told: a line for people. domain: this one; None: any that is free.
 
     Raises:
         SimError, BridgeError: something that cannot be. StackError: the virtual prototype does not come up.
@@ -119,10 +145,10 @@ def running(robot: VirtualRobot, name: str, told: Callable[[str], None]) -> Iter
     robot.require()
     robot.compile()
     robot.bags.mkdir(parents=True, exist_ok=True)
-    own_domain()
-    with tempfile.TemporaryDirectory(prefix=f"sixstrut-{name}-") as folder:
-        processes = Stack(robot.bags / "logs" / f"{name}-{os.getpid()}")
+    with private_domain(domain) as own, tempfile.TemporaryDirectory(prefix=f"sixstrut-{name}-") as folder:
+        processes = Stack(robot.bags / "logs" / f"{name}-{os.getpid()}", *own.locks)
         told(robot.words)
+        told(own.words)
         try:
             robot.start(processes, Path(folder), travels=True)
             yield processes

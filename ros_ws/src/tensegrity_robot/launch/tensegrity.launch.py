@@ -4,37 +4,29 @@
     ros2 launch tensegrity_robot tensegrity.launch.py virtual:=false port:=/dev/rfcomm0 calibration:=/path/to/mine.yaml
 
 Nothing moves until somebody arms: ros2 service call /arm tensegrity_interfaces/srv/Arm "{lifted_and_clear: true}"
+
+If any of these processes ends, all end, and none outlives the launch, however that ends: a bridge without its stack would go on
+holding the port.
 """
 
 from __future__ import annotations
 
+import shlex
+import sys
 from pathlib import Path
 
-from ament_index_python.packages import get_package_share_directory
+from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from launch import Action, LaunchContext, LaunchDescription
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, SetEnvironmentVariable
-from launch.conditions import IfCondition
-from launch.substitutions import LaunchConfiguration, PathJoinSubstitution
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, OpaqueFunction, SetEnvironmentVariable, Shutdown
+from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
-from launch_ros.substitutions import FindPackagePrefix, FindPackageShare
+
+from hardware_bridge.child import bound
+from tensegrity_robot.launch_arguments import ARGUMENTS, require_arguments, require_known, truth
 
 PACKAGE = "tensegrity_robot"
-
-ARGUMENTS = (
-    ("virtual", "true", "start a virtual prototype and drive it; false: drive the board at `port`"),
-    ("port", "", "device or pyserial URL of the board; empty: the virtual prototype's link"),
-    ("board", "lsc", "servo board: lsc, ssc32, maestro, maestro:crc, maestro:device=12:crc"),
-    ("perturbation", "0.05", "how far the virtual prototype is off the nominal robot, 0.05 for ±5 %"),
-    ("incline", "0.0", "incline of the virtual prototype's ground in degrees, downhill in a direction that the seed draws"),
-    ("seed", "0", "draws the virtual prototype's true parameters"),
-    ("time_scale", "1.0", "robot seconds per second; other than 1 only with a virtual prototype"),
-    ("start_face", "TC6", "face on which robot and twin start"),
-    ("calibration", "", "calibration YAML; empty: the virtual prototype's"),
-    ("library", "robust", "gait library: a shipped name, or a YAML file"),
-    ("bags", "", "folder for the recorded bags; empty: $SIXSTRUT_BAGS or ./bags"),
-    ("rviz", "false", "start RViz with the twin"),
-)
+LAUNCHS_OWN = ("launch-prefix", "launch-prefix-filter")
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -44,14 +36,14 @@ def generate_launch_description() -> LaunchDescription:
 
 
 def _processes(context: LaunchContext) -> list[Action]:
-    """The nodes; refuses arguments that contradict each other."""
-    virtual = IfCondition(LaunchConfiguration("virtual")).evaluate(context)
-    port = LaunchConfiguration("port").perform(context)
-    if virtual and port:
-        raise RuntimeError(f"port:={port} is a real robot's: give virtual:=false with it")
-    if not virtual and not port:
-        raise RuntimeError("virtual:=false needs the board's port, such as port:=/dev/rfcomm0")
-    config = Path(get_package_share_directory(PACKAGE)) / "config"
+    """The nodes; refuses every argument that cannot be before any of them starts."""
+    if any(Path(word).name == Path(__file__).name for word in sys.argv):  # not included by another file, which has its own
+        words = (word.partition(":=")[0] for word in context.argv if ":=" in word)
+        require_known([word for word in words if word not in LAUNCHS_OWN])
+    given = {name: LaunchConfiguration(name).perform(context) for name, _, _ in ARGUMENTS}
+    require_arguments(given, get_package_prefix)
+    share = Path(get_package_share_directory(PACKAGE))
+    prefix = [shlex.join(bound()), " ", LaunchConfiguration("launch-prefix", default="")]
 
     def text(name: str) -> ParameterValue:
         return ParameterValue(LaunchConfiguration(name), value_type=str)
@@ -64,9 +56,12 @@ def _processes(context: LaunchContext) -> list[Action]:
             package=PACKAGE,
             executable=name,
             name=name,
-            parameters=[str(config / f"{name}.yaml"), parameters],
+            exec_name=name,  # what launch calls the process, which begins as Python
+            parameters=[str(share / "config" / f"{name}.yaml"), parameters],
             output="both",
             emulate_tty=False,
+            prefix=prefix,
+            on_exit=Shutdown(reason=f"{name} has ended"),
             sigterm_timeout="15",  # the bridge verifies its bag when it ends
         )
 
@@ -83,25 +78,17 @@ def _processes(context: LaunchContext) -> list[Action]:
             library=text("library"),
             bag_folder=text("bags"),
         ),
-        Node(
-            package="rviz2",
-            executable="rviz2",
-            arguments=["-d", PathJoinSubstitution([FindPackageShare(PACKAGE), "rviz", "tensegrity.rviz"])],
-            condition=IfCondition(LaunchConfiguration("rviz")),
-        ),
     ]
-    if virtual:
-        arguments: list[str | LaunchConfiguration] = []
-        for option, name in (
-            ("seed", "seed"),
-            ("perturbation", "perturbation"),
-            ("incline", "incline"),
-            ("time-scale", "time_scale"),
-            ("face", "start_face"),
-            ("board", "board"),
-        ):
-            arguments += [f"--{option}", LaunchConfiguration(name)]
+    if truth(given, "rviz"):
+        view = ["-d", str(share / "rviz" / "tensegrity.rviz")]
+        processes.append(Node(package="rviz2", executable="rviz2", arguments=view, prefix=prefix))
+    if truth(given, "virtual"):
+        drawn = ("seed", "perturbation", "incline", "time_scale", "board")
+        options = [option for name in drawn for option in (f"--{name.replace('_', '-')}", given[name])]
         # Not a ROS node: it would not understand the --ros-args that launch gives to every node.
-        program = PathJoinSubstitution([FindPackagePrefix(PACKAGE), "lib", PACKAGE, "virtual_prototype"])
-        processes.insert(0, ExecuteProcess(cmd=[program, *arguments], name="virtual_prototype", output="both"))
+        name = "virtual_prototype"
+        program = str(Path(get_package_prefix(PACKAGE)) / "lib" / PACKAGE / name)
+        command = [program, "--face", given["start_face"], *options]
+        ended = Shutdown(reason=f"{name} has ended")
+        processes.insert(0, ExecuteProcess(cmd=command, name=name, output="both", prefix=prefix, on_exit=ended))
     return processes

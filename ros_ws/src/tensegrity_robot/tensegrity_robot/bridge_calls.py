@@ -65,7 +65,8 @@ class BridgeCalls:
                 await elsewhere(self._node, lambda: bridge.judge_homing(lengths), "judge homing")
                 if self._owner.ready() is not bridge:
                     raise Refused("the bridge was opened anew meanwhile; arm again")
-            self._lease = response.lease = bridge.arm(request.holder or "somebody", request.lifted_and_clear, lengths)
+            holder = request.holder or "somebody"
+            self._lease = response.lease = bridge.arm(holder, request.lifted_and_clear, lengths, request.prototype)
             self._verifier = Verifier(self._lease)
             response.session = bridge.snapshot().session
             response.success, response.message = True, "homing has begun; wait for ARMED in bridge/state"

@@ -60,6 +60,7 @@ def bridge_state(snapshot: Snapshot, log: SessionLog | None, stamp: Time) -> Bri
         port=snapshot.port,
         link_ok=snapshot.link_ok,
         virtual_port=snapshot.virtual_port,
+        prototype=snapshot.prototype,
         time_scale=snapshot.time_scale,
         length_m=tuple(lengths),
         bag=str(log.path) if log is not None and well else "",

@@ -64,6 +64,7 @@ class PlannerParameters:
 
     library: str = parameter("robust", "gait library: a shipped name, or the path of a YAML file")
     odds_file: str = parameter("", "YAML of the gaits' odds, from `sixstrut robustness --odds`; empty: the library's shipped ones")
+    prototype: str = parameter("", "arm only the bridge of this virtual prototype, see bridge/state; empty: any robot")
     prototype_file: str = parameter("", "YAML of the robot's numbers; empty: the nominal prototype")
     confirm: str = parameter(
         "observed", "what a roll's outcome needs: an observed face, or the twin's prediction", choices=("observed", "predicted")
@@ -148,7 +149,7 @@ class GaitPlannerNode(Node):
         self.create_subscription(StrutsSent, "bridge/struts_sent", lambda event: live(event, self._on_sent), qos.STATES)
         self.create_subscription(FaceObservation, "bridge/face", lambda event: live(event, self._on_face), qos.FACES)
         self.create_subscription(TwinState, "twin/state", self._on_twin, qos.STATES)
-        self._lease = Lease(self, self._steady, self._look)
+        self._lease = Lease(self, self._steady, self._look, p.prototype)
         self._struts = ActionClient(self, ExecuteStruts, "execute_struts")
         self._rehearsals = self.create_publisher(Rehearsal, "rehearsal", qos.LATCHED)
         self._rehearser = (

@@ -29,7 +29,7 @@ from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.protocol import Mode
 from hardware_bridge.remote_bridge import HostProcess, RemoteBridge
 from hardware_bridge.trajectory import Trajectory
-from hardware_bridge.virtual_port import default_link, read_handshake
+from hardware_bridge.virtual_port import default_link, examine, require_prototype
 from sim_core.errors import SimError
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot import bridge_diagnostics, bridge_messages, messages, qos
@@ -199,11 +199,12 @@ class HardwareBridgeNode(LifecycleNode):
 
     def _autostart(self) -> BridgeError | None:
         """To active; without a port and without a prototype, later. Returns what else goes wrong."""
-        if not self._settings.port and read_handshake(str(default_link())) is None:
-            self._hint = NO_PROTOTYPE
+        handshake, doubt = (None, "") if self._settings.port else examine(str(default_link()))
+        if not self._settings.port and handshake is None:
+            self._hint = NO_PROTOTYPE + (f" (what lies at {default_link()} is not taken for one: {doubt})" if doubt else "")
             if not self._hinted:
                 self._hinted = True
-                self.get_logger().warning(NO_PROTOTYPE)
+                self.get_logger().warning(self._hint)
             return None
         self._others.listen()
         try:
@@ -224,6 +225,8 @@ class HardwareBridgeNode(LifecycleNode):
                 "use_sim_time is true: a robot, its goals and its bag go by the computer's clock; leave it false here"
             )
         port = p.port or str(default_link())
+        if not p.port:
+            require_prototype(default_link())
         if self._shape_rule is None:
             self._shape_rule = ShapeRule(p.prototype_file, p.slack_limit)
         rules = rules_of(p, self._shape_rule)

@@ -34,8 +34,12 @@ class Lease:
         session: the bridge's, that was armed.
     """
 
-    def __init__(self, node: Node, clock: Clock, changed: Callable[[], None]):
-        """Args: clock: of the timers, steady. changed: called when the lease was given back."""
+    def __init__(self, node: Node, clock: Clock, changed: Callable[[], None], prototype: str = ""):
+        """Args:
+        clock: of the timers, steady. changed: called when the lease was given back.
+        prototype: instance of the only virtual prototype that may be armed; empty: whoever arms says, or any robot.
+        """
+        self._prototype = prototype
         self.held = self.session = ""
         self._prover = Prover("")
         self._node, self._clock, self._changed = node, clock, changed
@@ -74,6 +78,10 @@ class Lease:
         request.holder = printable(request.holder, NAME_MOST)  # as the bridge will show it
         if not request.holder:
             request.holder = self._node.get_fully_qualified_name().lstrip("/")
+        if self._prototype and request.prototype not in ("", self._prototype):
+            response.message = f"this planner is virtual prototype {self._prototype}'s, not {request.prototype}'s: nothing is armed"
+            return response
+        request.prototype = self._prototype or request.prototype
         answer = await self._call(self._bridge_arm, request, JUDGING_LIMIT_S)
         if answer is None:
             response.message = "the hardware bridge did not answer: start it (ros2 run tensegrity_robot hardware_bridge)"

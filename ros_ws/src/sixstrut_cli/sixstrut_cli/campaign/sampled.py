@@ -11,6 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
+from hardware_bridge.child import bound
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.analysis import read_told
 from sixstrut_cli.trials.folder import SessionFolder, begin_session
@@ -68,7 +69,7 @@ def through_the_stack(folder: SessionFolder, slots: Sequence[Slot], path: Path, 
     settings = replace(folder.settings, name=path.resolve().name, computed="")
     begin_session(path, settings, list(slots), folder.library)
     command = [sys.executable, "-m", "sixstrut_cli", "trial", str(path), "--virtual", "--time-scale", f"{time_scale:g}"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=LIMIT_S, check=False)
+    done = subprocess.run(bound(command), capture_output=True, text=True, timeout=LIMIT_S, check=False)
     if done.returncode not in (0, LEFT):
         last = (done.stderr.strip() or done.stdout.strip() or "no words").splitlines()[-1]
         raise SessionError(f"the stack could not finish {path}: {last}; go on with `./sixstrut trial {path} --virtual`")

@@ -44,7 +44,7 @@ def command(
     from hardware_bridge.records import Records
     from hardware_bridge.state_file import state_directory
     from hardware_bridge.transport import SerialTransport
-    from hardware_bridge.virtual_port import agree_on_board, default_link, read_handshake
+    from hardware_bridge.virtual_port import agree_on_board, default_link, examine, require_prototype, require_same_pty
     from sixstrut_cli.calibrating import Walk, ask_robot, measured_before
     from sixstrut_cli.keys import require_keyboard
     from sixstrut_cli.practice import Eyes, practice_prototype
@@ -57,7 +57,9 @@ def command(
         behind = parse_board(board)
         practice = stack.enter_context(practice_prototype(time_scale, behind.spec)) if virtual else None
         chosen = str(practice or port or default_link())
-        handshake = read_handshake(chosen)
+        handshake, doubt = examine(chosen) if port else (require_prototype(Path(chosen)), "")
+        if doubt:
+            console.print(f"{chosen} is taken for a real port, not for a virtual prototype's: {doubt}", highlight=False)
         agree_on_board(chosen, behind.spec, handshake)
         name = ask_robot(file, robot, console)
         before = measured_before(file)
@@ -72,6 +74,8 @@ def command(
         transport = SerialTransport(chosen, baud or behind.quirks.usual_baud)
         jogger = Jogger(transport, behind, records, limits, scale, silent_board)
         stack.callback(jogger.close)
+        if handshake is not None:
+            require_same_pty(chosen, handshake, transport.descriptor)
         eyes = stack.enter_context(Eyes(None if handshake is None else handshake.observer, scale))
         walk = Walk(file, name, jogger, eyes.length_mm, console)
         try:

@@ -12,6 +12,7 @@ from sixstrut_cli.commands.options import (
     ActuatorsOption,
     BagsOption,
     BoardOption,
+    DomainOption,
     FromFaceOption,
     InclineOption,
     LibraryOption,
@@ -39,6 +40,7 @@ def command(
     actuators: ActuatorsOption = "stand-in",
     library: LibraryOption = "robust",
     bags: BagsOption = Path("bags"),
+    domain: DomainOption = None,
 ) -> None:
     """Show twin, robot, odds and dangers in a browser; roll, travel and judge trials by clicks; stop at any time.
 
@@ -63,7 +65,7 @@ def command(
     with ExitStack() as closing:
         if virtual:
             robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
-            closing.enter_context(running(robot, "console", typer.echo))
+            closing.enter_context(running(robot, "console", typer.echo, domain))
         else:
             compile_first(Stage.ROBOT)
         serve(host, port, secret, lambda url: typer.echo(f"console: {url}   (Ctrl-C ends it)"))

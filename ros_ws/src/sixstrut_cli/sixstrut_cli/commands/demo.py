@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.commands.options import MOST_PERTURBATION, LibraryOption
+from sixstrut_cli.commands.options import MOST_PERTURBATION, DomainOption, LibraryOption
 
 
 def command(
@@ -25,6 +25,7 @@ def command(
     library: LibraryOption = "robust",
     bags: Annotated[Path, typer.Option(help="Folder for the recorded bag and the picture.")] = Path("bags"),
     console: Annotated[bool, typer.Option("--console", help="Show it in the browser as well, while it runs.")] = False,
+    domain: DomainOption = None,
 ) -> None:
     """Roll the virtual prototype with its twin: board emulator on a pty, bridge, planner and twin as separate processes.
 
@@ -40,4 +41,5 @@ def command(
     from sixstrut_cli.virtual_stack import VirtualRobot
 
     pace = 1.0 if real_time else 8.0
-    raise typer.Exit(run(Plan(rolls, VirtualRobot(from_face, seed, perturbation, pace, board, actuators, library, bags), console)))
+    robot = VirtualRobot(from_face, seed, perturbation, pace, board, actuators, library, bags)
+    raise typer.Exit(run(Plan(rolls, robot, console, domain)))

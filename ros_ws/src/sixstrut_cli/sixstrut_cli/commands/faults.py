@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.commands.options import JsonOption
+from sixstrut_cli.commands.options import DomainOption, JsonOption
 
 ROWS = range(1, 19)
 
@@ -18,6 +18,7 @@ def command(
     only: Annotated[str, typer.Option("--only", help="Only these rows, such as 3,14.", show_default=False)] = "",
     page: Annotated[Path | None, typer.Option("--page", help="Write the page (docs/failures.md) here.", show_default=False)] = None,
     as_json: JsonOption = False,
+    domain: DomainOption = None,
 ) -> None:
     """Make each failure happen to the real nodes with a virtual prototype, and look what comes of it (three to five minutes).
 
@@ -46,7 +47,8 @@ def command(
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
     with Progress(*columns, console=console, transient=True, disable=as_json) as bar:
         task = bar.add_task("", total=len(numbers))
-        for outcome in run(numbers, lambda row: bar.update(task, description=f"{row.number:2} {row.failure[:60]}")):
+        show = lambda row: bar.update(task, description=f"{row.number:2} {row.failure[:60]}")  # noqa: E731
+        for outcome in run(numbers, show, domain, lambda line: bar.console.print(line, highlight=False)):
             outcomes.append(outcome)
             bar.advance(task)
             mark = "[red]FAILED[/red]" if outcome.problem else "[green]survived[/green]"

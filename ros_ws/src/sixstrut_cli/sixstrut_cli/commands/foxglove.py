@@ -12,6 +12,7 @@ from sixstrut_cli.commands.options import (
     ActuatorsOption,
     BagsOption,
     BoardOption,
+    DomainOption,
     FromFaceOption,
     InclineOption,
     LibraryOption,
@@ -40,6 +41,7 @@ def command(
     actuators: ActuatorsOption = "stand-in",
     library: LibraryOption = "robust",
     bags: BagsOption = Path("bags"),
+    domain: DomainOption = None,
 ) -> None:
     """Serve the stack to the Foxglove app where ROS's foxglove_bridge is not installed: every topic, and a stop button.
 
@@ -61,7 +63,7 @@ def command(
         processes = None
         if virtual:
             robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
-            processes = closing.enter_context(running(robot, "foxglove", typer.echo))
+            processes = closing.enter_context(running(robot, "foxglove", typer.echo, domain))
         server = FoxgloveServer(port, commands, secret, tuple(origin or ()))
         closing.callback(server.close)
         typer.echo(f"Foxglove: open the connection {server.url} and the layout {layout()}   (Ctrl-C ends it)")

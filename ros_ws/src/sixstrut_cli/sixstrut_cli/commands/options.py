@@ -14,6 +14,9 @@ MOST_PERTURBATION = 0.3
 MOST_INCLINE_DEG = 20.0
 """`sim_core.uncertainty.MAX_INCLINE_DEG`, by value as well."""
 
+HIGHEST_DOMAIN = 101
+"""`sixstrut_cli.domain.HIGHEST`, by value as well."""
+
 PrototypeOption = Annotated[
     Path | None, typer.Option("--prototype", help="A prototype YAML; default: the nominal robot.", show_default=False)
 ]
@@ -30,6 +33,16 @@ InclineOption = Annotated[float, typer.Option("--incline", min=0.0, max=MOST_INC
 TimeScaleOption = Annotated[float, typer.Option("--time-scale", min=0.01, max=100.0, help="Its robot seconds per second.")]
 BoardOption = Annotated[str, typer.Option("--board", help="Its servo board: lsc, ssc32, maestro, maestro:crc.")]
 ActuatorsOption = Annotated[str, typer.Option("--actuators", help="Its actuators: ideal, stand-in, or a YAML file.")]
+DomainOption = Annotated[
+    int | None,
+    typer.Option(
+        "--domain",
+        min=0,
+        max=HIGHEST_DOMAIN,
+        help="ROS domain of the virtual stack. [default: one that nobody uses]",
+        show_default=False,
+    ),
+]
 BagsOption = Annotated[Path, typer.Option("--bags", help="Folder for the bag, with --virtual.")]
 TokenFileOption = Annotated[
     Path | None,

@@ -14,6 +14,9 @@ from typing import Annotated
 
 import typer
 
+from hardware_bridge.child import bound
+from sixstrut_cli.domain import private_domain
+
 CONTEXT_SETTINGS = {"allow_extra_args": True, "ignore_unknown_options": True}
 
 _CHECKS = {
@@ -42,10 +45,10 @@ def command(
     chosen = [*(_SOAK if soak else []), *context.args]
     pytest = {"pytest": ["-m", "pytest", *(chosen or ["--durations=10"])]}
     steps = pytest if chosen else _CHECKS | pytest
-    with tempfile.TemporaryDirectory(prefix="sixstrut-test-") as state:
-        environ = _isolated(state)
-        print(f"ROS domain {environ['ROS_DOMAIN_ID']}", flush=True)
-        results = [(name, *_run(name, arguments, root, environ)) for name, arguments in steps.items()]
+    with private_domain() as domain, tempfile.TemporaryDirectory(prefix="sixstrut-test-") as state:
+        environ = {**os.environ, "SIXSTRUT_STATE_DIR": state}  # tests can meet no robot that runs on this machine
+        print(f"ROS domain {domain.number}", flush=True)
+        results = [(name, *_run(name, arguments, root, environ, domain.locks)) for name, arguments in steps.items()]
     print()
     for name, code, seconds in results:
         print(f"{'ok' if code == 0 else 'FAILED':6}  {name:12} {seconds:7.1f} s")
@@ -59,20 +62,10 @@ def _root() -> Path:
     return Path(root)
 
 
-def _isolated(state: str) -> dict[str, str]:
-    """A state folder and a ROS domain of its own, so that tests can meet no robot that runs on this machine."""
-    return {
-        **os.environ,
-        "SIXSTRUT_STATE_DIR": state,
-        "ROS_DOMAIN_ID": str(1 + os.getpid() % 100),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-    }
-
-
-def _run(name: str, arguments: list[str], root: Path, environ: dict[str, str]) -> tuple[int, float]:
+def _run(name: str, arguments: list[str], root: Path, environ: dict[str, str], locks: tuple[int, ...]) -> tuple[int, float]:
     print(f"\n── {name}", flush=True)
     began = time.monotonic()
-    process = subprocess.Popen([sys.executable, *arguments], cwd=root, env=environ, stdin=subprocess.DEVNULL)
+    process = subprocess.Popen(bound([sys.executable, *arguments]), cwd=root, env=environ, stdin=subprocess.DEVNULL, pass_fds=locks)
     try:
         code = process.wait()
     except BaseException:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sixstrut_cli.commands.options import MOST_INCLINE_DEG, MOST_PERTURBATION, JsonOption, LibraryOption, place_of
+from sixstrut_cli.commands.options import MOST_INCLINE_DEG, MOST_PERTURBATION, DomainOption, JsonOption, LibraryOption, place_of
 
 if TYPE_CHECKING:
     from sixstrut_cli.travels.study import Case
@@ -37,6 +37,7 @@ def command(
     board: Annotated[str, typer.Option(help="Servo board to emulate: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
     actuators: Annotated[str, typer.Option(help="The prototype's actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
     library: LibraryOption = "robust",
+    domain: DomainOption = None,
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Folder for bags, pictures, and a study's trips.", show_default="bags")
     ] = None,
@@ -54,6 +55,8 @@ def command(
     """
     from sixstrut_cli.virtual_stack import VirtualRobot
 
+    if study and domain is not None:
+        raise typer.BadParameter("a study takes a domain of its own for each trip", param_hint="--domain")
     if (place is None) == (study == 0):
         raise typer.BadParameter("give a place such as 0.6,0.3, or --study N", param_hint="X,Y")
     bags = output or Path("bags")
@@ -72,7 +75,7 @@ def command(
     console.print(robot.words)
     robot.compile()
     with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links, console.status("starting") as status:
-        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds)
+        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds, domain, console.print)
     picture = Path(trip.bag).with_suffix(".png")
     travel_picture(trip, picture)
     if as_json:

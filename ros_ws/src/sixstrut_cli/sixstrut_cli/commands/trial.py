@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.commands.options import MOST_PERTURBATION
+from sixstrut_cli.commands.options import MOST_PERTURBATION, DomainOption
 
 
 def command(
@@ -42,6 +42,7 @@ def command(
     time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Its robot seconds per second.")] = 8.0,
     by_hand: Annotated[bool, typer.Option("--by-hand", help="Judge virtual trials yourself, to practise.")] = False,
     plan_only: Annotated[bool, typer.Option("--plan", help="Show the plan and its estimated time, and leave.")] = False,
+    domain: DomainOption = None,
 ) -> None:
     """Run a session: primitives × gaits × repeats, one record a trial in a ledger and in the bag. Resumable after anything.
 
@@ -72,5 +73,6 @@ def command(
     }
     where = str(calibration or "")
     who = printable(experimenter or login(), NAME_MOST) or "unknown"
-    asked = Asked(session, plan, who, virtual, port, board, baud, where, time_scale, by_hand, plan_only, rested, silent_board)
+    said = (rested, silent_board, domain)
+    asked = Asked(session, plan, who, virtual, port, board, baud, where, time_scale, by_hand, plan_only, *said)
     raise typer.Exit(run(asked))

@@ -42,6 +42,7 @@ class Operator:
         sent: every StrutsSent heard.
         feedback: phases of the last roll, in order.
         lease: proven by `keep_alive` while set.
+        prototype: instance of the virtual prototype that may be armed; empty: any robot.
     """
 
     def __init__(self, domain: int):
@@ -55,7 +56,7 @@ class Operator:
         self.diagnostics: dict[str, Any] = {}
         self.sent: list[Any] = []
         self.feedback: list[str] = []
-        self.lease = self._proven = ""
+        self.lease = self._proven = self.prototype = ""
         self._prover = Prover("")
         subscribe = self.node.create_subscription
         self._live = live = LiveBridge(lambda words: None)
@@ -195,7 +196,7 @@ class Operator:
 
     def arm(self) -> None:
         """Through the planner, until ARMED."""
-        answer = self.call("arm", Arm.Request(holder="test", lifted_and_clear=True))
+        answer = self.call("arm", Arm.Request(holder="test", lifted_and_clear=True, prototype=self.prototype))
         assert answer.success, answer.message
         self.sees(BridgeState.ARMED)
 

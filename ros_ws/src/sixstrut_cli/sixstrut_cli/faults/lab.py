@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from hardware_bridge.fault_injection import inject
+from hardware_bridge.virtual_port import read_handshake
 from sixstrut_cli.faults.client import Operator
 from sixstrut_cli.faults.processes import END_LIMIT_S, START_LIMIT_S, Process, Processes, wait_until
 from sixstrut_cli.faults.scenario import expect
@@ -51,11 +52,12 @@ class Lab:
 
     Attributes:
         folder: Of everything that the stack writes.
-        domain: ROS domain.
+        domain: ROS domain. locks: descriptors that its processes keep open.
     """
 
     folder: Path
     domain: int
+    locks: tuple[int, ...] = ()
     processes: Processes = field(init=False)
     _operator: Operator | None = None
     _setup: Setup | None = None
@@ -64,7 +66,7 @@ class Lab:
     _facts: dict[object, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.processes = Processes(self.folder, self.domain)
+        self.processes = Processes(self.folder, self.domain, self.locks)
 
     def close(self) -> None:
         """Ends everything."""
@@ -113,6 +115,9 @@ class Lab:
         assert self._setup is not None
         operator = self.operator
         operator.bridge = operator.face = None
+        handshake = read_handshake(str(self.link))
+        expect(handshake is not None, f"no virtual prototype lives at {self.link}")
+        operator.prototype = "" if handshake is None else handshake.instance
         operator.sent.clear()
         operator.diagnostics.clear()
         self._bridge_parameters = parameters
@@ -169,7 +174,7 @@ class Lab:
     def arm(self, holder: str = "operator") -> str:
         """Arms the bridge itself and waits for the end of homing; the lease, which is then kept alive."""
         operator = self.operator
-        request = Arm.Request(holder=holder, lifted_and_clear=True)
+        request = Arm.Request(holder=holder, lifted_and_clear=True, prototype=operator.prototype)
         answer = operator.call("bridge/arm", request)
         expect(answer.success, f"arm was refused: {answer.message}")
         operator.lease = answer.lease

@@ -12,6 +12,8 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
 
+from hardware_bridge.child import bound
+
 START_LIMIT_S = 30.0
 END_LIMIT_S = 20.0
 
@@ -33,18 +35,27 @@ class Process:
         output: what it has written so far, both streams.
     """
 
-    def __init__(self, name: str, *words: str, folder: Path, environ: dict[str, str], program: Sequence[str] = ()):
+    def __init__(
+        self,
+        name: str,
+        *words: str,
+        folder: Path,
+        environ: dict[str, str],
+        program: Sequence[str] = (),
+        locks: tuple[int, ...] = (),
+    ):
         if not program:
             program = [str(Path(get_package_prefix("tensegrity_robot")) / "lib" / "tensegrity_robot" / name)]
         self.name = name
         self._log = folder / f"{name}-{time.monotonic_ns()}.log"
         with self._log.open("wb") as log:
             self._child = subprocess.Popen(
-                [*program, *words],
+                bound([*program, *words]),
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=subprocess.STDOUT,
                 start_new_session=True,
+                pass_fds=locks,
                 env={**os.environ, "PYTHONUNBUFFERED": "1", **environ},
                 cwd=folder,
             )
@@ -85,8 +96,10 @@ class Process:
 class Processes:
     """Starts processes with one state folder, bag folder and ROS domain, and leaves none behind."""
 
-    def __init__(self, folder: Path, domain: int):
+    def __init__(self, folder: Path, domain: int, locks: tuple[int, ...] = ()):
+        """Args: locks: descriptors that the processes keep open, so that the locks live as long as they do."""
         self.folder = folder
+        self._locks = locks
         self.bags = folder / "bags"
         self._environ = {
             "SIXSTRUT_STATE_DIR": str(folder / "state"),
@@ -105,6 +118,7 @@ class Processes:
             *(["--ros-args", *given] if given else []),
             folder=self.folder,
             environ={**self._environ, **(environ or {})},
+            locks=self._locks,
         )
         self._started.append(process)
         return process
@@ -112,7 +126,7 @@ class Processes:
     def command(self, *words: str) -> Process:
         """Start a `sixstrut` command beside them."""
         program = [sys.executable, "-m", "sixstrut_cli"]
-        process = Process(words[0], *words, folder=self.folder, environ=self._environ, program=program)
+        process = Process(words[0], *words, folder=self.folder, environ=self._environ, program=program, locks=self._locks)
         self._started.append(process)
         return process
 

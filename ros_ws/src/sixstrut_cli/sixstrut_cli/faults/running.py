@@ -8,7 +8,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from sixstrut_cli.faults.domain import free_domain
+from sixstrut_cli.domain import private_domain
 from sixstrut_cli.faults.lab import Lab, scratch
 from sixstrut_cli.faults.rows import RUNNING_ORDER, scenario
 from sixstrut_cli.faults.scenario import Evidence, Scenario
@@ -32,11 +32,20 @@ class Outcome:
     seconds: float
 
 
-def run(numbers: Collection[int], began: Callable[[Scenario], None] = lambda row: None) -> Iterator[Outcome]:
-    """Runs rows, in the order that shares most; yields what came of each. Args: began: told each row before it runs."""
-    os.environ.update(discovery_changes(os.environ, loopback_profile()))  # the operator is a node of this process
-    with free_domain() as domain, scratch() as folder:
-        lab = Lab(Path(folder), domain)
+def run(
+    numbers: Collection[int],
+    began: Callable[[Scenario], None] = lambda row: None,
+    domain: int | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> Iterator[Outcome]:
+    """Runs rows, in the order that shares most; yields what came of each.
+
+    Args: began: told each row before it runs. domain: of ROS; None: any that is free. say: told a line for people.
+    """
+    with private_domain(domain) as own, scratch() as folder:
+        say(own.words)
+        os.environ.update(discovery_changes(os.environ, loopback_profile()))  # the operator is a node of this process
+        lab = Lab(Path(folder), own.number, own.locks)
         try:
             for number in RUNNING_ORDER:
                 if number in numbers:

@@ -13,13 +13,13 @@ from typing import Any
 from hardware_bridge.bag_reader import read_session
 from hardware_bridge.bag_types import TOPICS
 from hardware_bridge.observer_client import ObserverClient
-from hardware_bridge.virtual_port import read_handshake
 from sim_core.parameters import load_prototype
 from sim_core.policy import neutral_lengths
+from sixstrut_cli.domain import private_domain
 from sixstrut_cli.lateness import LateOrders
 from sixstrut_cli.pictures import observed_path
 from sixstrut_cli.stack import Stack, Uninterrupted
-from sixstrut_cli.virtual_stack import VirtualRobot, own_domain
+from sixstrut_cli.virtual_stack import VirtualRobot
 
 ROLL_LIMIT_S, REST_LIMIT_S = 60.0, 1_300.0
 """Robot time that a roll may take, and all resting."""
@@ -73,30 +73,32 @@ def travel(
     reach_m: float = 0.0,
     most_rolls: int = 0,
     use_odds: bool = True,
+    domain: int | None = None,
+    say: Callable[[str], None] = lambda line: None,
 ) -> Trip:
     """Start a stack, arm, travel, end it all.
 
     Args:
         folder: for links and state. tell: told what goes on. reach_m, most_rolls: 0: the traveller's.
+        domain: of ROS; None: any that is free. say: told a line for people that is to stay.
 
     Raises:
         StackError: the stack does not come up, or a process of it dies. KeyboardInterrupt: with the struts held and the bag closed.
     """
     robot.require()
     robot.bags.mkdir(parents=True, exist_ok=True)
-    own_domain()
-    stack = Stack(robot.bags / "logs" / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}")
     late = LateOrders()
-    try:
+    with private_domain(domain) as own:
+        say(own.words)
         tell("starting virtual prototype, bridge, planner, traveller and twin")
-        robot.start(stack, folder, travels=True, planner=[("use_odds", use_odds)])
-        handshake = read_handshake(str(folder / "prototype"))
-        assert handshake is not None, "a virtual prototype has one"
-        with closing(ObserverClient(handshake.observer, late.saw)):
-            result, bag = _operate(stack, robot, late, goal_m, reach_m, most_rolls, tell)
-    finally:
-        with Uninterrupted() as ending:
-            stack.stop()
+        stack = Stack(robot.bags / "logs" / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}", *own.locks)
+        try:
+            handshake = robot.start(stack, folder, travels=True, planner=[("use_odds", use_odds)])
+            with closing(ObserverClient(handshake.observer, late.saw)):
+                result, bag = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
+        finally:
+            with Uninterrupted() as ending:
+                stack.stop()
     if ending.interrupted:  # a study would go on with its next trip
         raise KeyboardInterrupt
     return Trip(
@@ -124,6 +126,7 @@ def travel(
 
 def _operate(
     stack: Stack,
+    prototype: str,
     robot: VirtualRobot,
     late: LateOrders,
     goal_m: tuple[float, float],
@@ -133,7 +136,7 @@ def _operate(
 ) -> tuple[Any, str]:
     from sixstrut_cli.operator_client import Operator  # rclpy: only once the processes are on their way
 
-    operator = Operator(stack)
+    operator = Operator(stack, prototype)
     try:
         operator.wait_for_stack()
         tell("arming: the struts are energised one by one, then go to mid stroke")

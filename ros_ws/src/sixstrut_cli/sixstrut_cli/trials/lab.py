@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 import shutil
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -15,7 +14,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from hardware_bridge.observer_client import ObserverClient
-from hardware_bridge.virtual_port import read_handshake
+from hardware_bridge.virtual_port import Handshake, read_handshake
 from sim_core.parameters import load_prototype
 from sim_core.policy import neutral_lengths
 from sixstrut_cli.errors import SessionError, StackError
@@ -24,6 +23,7 @@ from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
 from sixstrut_cli.trials.folder import LIBRARY, LOGS, SessionFolder
 from sixstrut_cli.trials.message import message_of
 from sixstrut_cli.trials.record import Line
+from sixstrut_cli.virtual_stack import start_prototype
 
 ROLL_LIMIT_S = 150.0
 """Robot time that one roll may take, all motions and all settlings."""
@@ -69,10 +69,11 @@ class Rolled(NamedTuple):
 class Lab:
     """The stack, and a client of it. Nothing is started before `start`."""
 
-    def __init__(self, session: SessionFolder, hardware: Hardware, lock: int):
+    def __init__(self, session: SessionFolder, hardware: Hardware, *locks: int):
+        """Args: locks: descriptors of the session's lock and the ROS domain's, which all its processes keep open."""
         self._session = session
         self._hardware = hardware
-        self._lock = lock
+        self._locks = locks
         self._stack: Stack | None = None
         self._links: Path | None = None
         self._neutral_m = neutral_lengths(load_prototype()).tolist()
@@ -89,13 +90,15 @@ class Lab:
         self.starts += 1
         hardware, settings = self._hardware, self._session.settings
         stamp = time.strftime("%Y%m%d-%H%M%S", time.gmtime())
-        self._stack = stack = Stack(self._session.path / LOGS / f"{stamp}-{os.getpid()}-{self.starts}", self._lock)
-        port = hardware.port or self._start_prototype(stack, face)
+        self._stack = stack = Stack(self._session.path / LOGS / f"{stamp}-{os.getpid()}-{self.starts}", *self._locks)
+        port, meant = (hardware.port, read_handshake(hardware.port)) if hardware.port else self._start_prototype(stack, face)
+        prototype = "" if meant is None else meant.instance
         library = (self._session.path / LIBRARY).resolve()
         planner = {
             "library": library,
             # a person judges in their own time, after the roll
             "confirm": "observed" if hardware.observed else "predicted",
+            **({"prototype": prototype} if prototype else {}),
         }
         bridge = {
             "port": port,
@@ -115,21 +118,19 @@ class Lab:
         stack.start("hardware_bridge", [executable("tensegrity_robot", "hardware_bridge"), *ros_arguments(given)])
         from sixstrut_cli.operator_client import Operator  # rclpy: only once the processes are on their way
 
-        self.operator = Operator(stack)
+        self.operator = Operator(stack, prototype)
         self.operator.wait_for_stack(hardware.observed)
         if self.operator.bridge.virtual_port != settings.virtual_robot:
             kind = "a virtual prototype's" if self.operator.bridge.virtual_port else "a real one"
             raise SessionError(f"port {port} is {kind}, but session {settings.name} is not: begin another session for it")
-        handshake = read_handshake(str(port))
-        if handshake is not None:
-            self._eye = ObserverClient(handshake.observer, self._late.saw)
+        if meant is not None:
+            self._eye = ObserverClient(meant.observer, self._late.saw)
 
-    def _start_prototype(self, stack: Stack, face: str) -> str:
+    def _start_prototype(self, stack: Stack, face: str) -> tuple[str, Handshake]:
         settings = self._session.settings
         self._links = Path(tempfile.mkdtemp(prefix="sixstrut-trial-"))  # short: a socket's path has at most 107 bytes
         link = self._links / "prototype"
         words = {
-            "link": link,
             "face": face,
             "seed": settings.seed,
             "perturbation": settings.perturbation,
@@ -137,10 +138,7 @@ class Lab:
             "board": self._hardware.board,
             "actuators": settings.actuators,
         }
-        given = [word for name, value in words.items() for word in (f"--{name}", str(value))]
-        stack.start("virtual_prototype", [sys.executable, "-m", "hardware_bridge.virtual_prototype", *given])
-        wait_until(link.exists, 60.0, "the virtual prototype's port", stack)
-        return str(link)
+        return str(link), start_prototype(stack, link, words)
 
     def stop(self) -> dict[str, int]:
         """End client and processes in order; exit codes by name. Safe to call twice."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import getpass
-import os
 import random
 import signal
 import sys
@@ -27,6 +26,7 @@ from sim_core.parameters import load_prototype
 from sim_core.recheck import NamedGait, verdicts
 from sim_core.warm_up import Stage
 from sixstrut_cli.compiling import compile_first
+from sixstrut_cli.domain import Domain, private_domain, robot_domain
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.keys import Keys, pressed, require_keyboard
 from sixstrut_cli.stack import Uninterrupted
@@ -40,7 +40,6 @@ from sixstrut_cli.trials.plan import chosen_gaits, chosen_primitives, due_of, ma
 from sixstrut_cli.trials.record import Outcome
 from sixstrut_cli.trials.remote import Mirrored, Remote
 from sixstrut_cli.trials.session import Session
-from sixstrut_cli.virtual_stack import own_domain
 
 DEFAULTS: dict[str, Any] = {"library": "robust", "primitives": "all", "gaits": "all", "repeats": 1}
 VIRTUAL_DEFAULTS: dict[str, Any] = {"perturbation": 0.05, "seed": 1, "actuators": "stand-in"}
@@ -56,6 +55,7 @@ class Asked:
         virtual: a virtual prototype is started. port, board, baud, calibration, time_scale, rested_s, silent_board: see
         `Hardware`.
         by_hand: a person judges, though an observer could. plan_only: show the plan and leave.
+        domain: of ROS; None: with a virtual prototype of its own any that is free, with a port the shell's.
     """
 
     session: Path | None
@@ -71,6 +71,7 @@ class Asked:
     plan_only: bool
     rested_s: float = 0.0
     silent_board: bool = False
+    domain: int | None = None
 
     @property
     def virtual_robot(self) -> bool:
@@ -201,11 +202,17 @@ class _Run:
             require_keyboard()
 
     def run(self, lock: int) -> int:
-        asked, folder = self._asked, self._folder
+        asked = self._asked
         if not self._forecast.trials:
             return self._end(0)
-        own_domain()
         compile_first(Stage.ROBOT, Stage.BATCH)
+        choose = private_domain if asked.virtual or not asked.port else robot_domain
+        with choose(asked.domain) as domain:
+            return self._rolled(domain, lock)
+
+    def _rolled(self, domain: Domain, lock: int) -> int:
+        asked, folder = self._asked, self._folder
+        self._console.print(domain.words)
         hardware = Hardware(
             asked.port,
             asked.board,
@@ -216,7 +223,7 @@ class _Run:
             asked.rested_s,
             asked.silent_board,
         )
-        lab = Lab(folder, hardware, lock)
+        lab = Lab(folder, hardware, lock, *domain.locks)
         kind = "virtual trials" if folder.settings.virtual_robot else "trials"
         panel: Panel = Live(kind) if sys.stdout.isatty() else Lines(kind)
         try:
@@ -225,7 +232,7 @@ class _Run:
                 if keys is not None:
                     remote = stack.enter_context(closing(Remote()))
                     keys, panel = keys.and_from(remote.keys_from), Mirrored(panel, remote)
-                    self._console.print(f"in the browser: ROS_DOMAIN_ID={os.environ['ROS_DOMAIN_ID']} ./sixstrut console")
+                    self._console.print(f"in the browser: ROS_DOMAIN_ID={domain.number} ./sixstrut console")
                 stack.enter_context(panel)
                 hands = self._hands(keys, panel)
                 speed = load_prototype().actuator_speed_m_s

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -13,6 +12,7 @@ from pathlib import Path
 
 import psutil
 
+from hardware_bridge.child import bound
 from sixstrut_cli.bench.stack.figures import Plan, Usage
 from sixstrut_cli.bench.stack.usage import GONE, Sampler
 from sixstrut_cli.errors import StackError
@@ -27,10 +27,7 @@ ARMED = "armed;"
 def measure(plan: Plan, folder: Path) -> list[Usage]:
     """Run the demo at its default pace; from armed to its last roll. Raises StackError if it fails."""
     command = [sys.executable, "-m", "sixstrut_cli", "demo", "--rolls", str(plan.rolls), "--bags", str(folder / "demo")]
-    environ = {name: value for name, value in os.environ.items() if name != "ROS_DOMAIN_ID"}  # it takes one of its own
-    demo = subprocess.Popen(
-        command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environ
-    )
+    demo = subprocess.Popen(bound(command), stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     lines: list[str] = []
     reader = threading.Thread(target=lambda: lines.extend(demo.stdout or ()), name="demo's output", daemon=True)
     reader.start()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import random
 import tempfile
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
@@ -13,17 +12,18 @@ from pathlib import Path
 from sixstrut_cli.bench.report import processor
 from sixstrut_cli.bench.stack import demo_usage, recording, running, start_up
 from sixstrut_cli.bench.stack.figures import Plan, StackReport
+from sixstrut_cli.domain import private_domain
 
 
 def measure(plan: Plan, say: Callable[[str], None]) -> StackReport:
     """Run everything. Raises StackError, and what the processes' own errors become there."""
-    os.environ["ROS_DOMAIN_ID"] = str(random.SystemRandom().randrange(1, 100))  # it must meet no robot of this machine
     load = os.getloadavg()[0]
-    with tempfile.TemporaryDirectory(prefix="sixstrut-bench-") as name:
+    with private_domain() as domain, tempfile.TemporaryDirectory(prefix="sixstrut-bench-") as name:
+        say(domain.words)
         folder = Path(name)
         say("start: compiling with an empty cache, then starting twins")
-        start = start_up.measure(plan, folder)
-        ran = running.run(plan, folder, say)
+        start = start_up.measure(plan, folder, domain.locks)
+        ran = running.run(plan, folder, domain.locks, say)
         say(f"recorder: {plan.messages} messages")
         capacity = recording.measure(ran.bag, folder, plan)
         say(f"the demo: {plan.rolls} roll{'s' if plan.rolls > 1 else ''}")

@@ -47,6 +47,7 @@ class Probe:
         writes: (stamp in ns, heartbeat) of every bridge/struts_sent.
         log: (when heard in s, messages, most waiting) of the bag, newest diagnostics; None before.
         twin, bridge: newest states.
+        prototype: instance of the virtual prototype that may be armed; empty: any.
     """
 
     def __init__(self, stack: Stack):
@@ -63,6 +64,7 @@ class Probe:
         self.bridge: Any = None
         self._lease = ""
         self._prover = Prover("")
+        self.prototype = ""
         node.create_subscription(JointState, "twin/joint_states", self._on_tick, DEEP, raw=True)
         node.create_subscription(TwinState, "twin/state", self._on_twin, DEEP)
         node.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, DEEP)
@@ -136,7 +138,8 @@ class Probe:
 
     def arm(self, lengths_m: list[float]) -> None:
         """Take the bridge's lease and wait for the end of homing. Raises StackError."""
-        request = Arm.Request(holder="bench", lifted_and_clear=True, confirmed_lengths_m=lengths_m)
+        request = Arm.Request(holder="bench", lifted_and_clear=True, prototype=self.prototype)
+        request.confirmed_lengths_m = lengths_m
         self.wait(self._arm.service_is_ready, "the bridge's service arm", START_LIMIT_S)
         answer = self._result(self._arm.call_async(request), "an answer to arm")
         if not answer.success:

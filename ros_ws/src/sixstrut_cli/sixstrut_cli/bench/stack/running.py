@@ -23,7 +23,8 @@ from sixstrut_cli.bench.stack.figures import (
 )
 from sixstrut_cli.bench.stack.probe import START_LIMIT_S, Probe
 from sixstrut_cli.bench.stack.usage import cpu_s
-from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
+from sixstrut_cli.stack import Stack, executable, ros_arguments
+from sixstrut_cli.virtual_stack import start_prototype
 
 Say = Callable[[str], None]
 STROKE_M = 0.001
@@ -43,12 +44,12 @@ class Running(NamedTuple):
     bag: Path
 
 
-def run(plan: Plan, folder: Path, say: Say) -> Running:
-    """Start prototype, bridge and twin, measure, and end them. Raises StackError."""
+def run(plan: Plan, folder: Path, locks: tuple[int, ...], say: Say) -> Running:
+    """Start prototype, bridge and twin, measure, and end them. Args: locks: of the ROS domain. Raises StackError."""
     neutral = neutral_lengths(load_prototype()).tolist()
     twins: list[TwinCost] = []
-    with Stack(folder / "logs") as stack, Probe(stack) as probe:
-        _start(stack, folder, plan)
+    with Stack(folder / "logs", *locks) as stack, Probe(stack) as probe:
+        probe.prototype = _start(stack, folder, plan)
         say(f"the stack in real time, twin at {plan.rate_hz:g} Hz: at rest")
         probe.meet_stack()
         bag = Path(probe.bridge.bag)
@@ -60,7 +61,7 @@ def run(plan: Plan, folder: Path, say: Say) -> Running:
                 say(f"latency: {plan.goals} goals, {plan.cancels} cancels, {plan.stops} stops")
                 latencies = _latencies(probe, plan, neutral)
     alone = folder / "alone"
-    with Stack(alone) as stack, Probe(stack) as probe:
+    with Stack(alone, *locks) as stack, Probe(stack) as probe:
         say(f"the twin as the robot at {plan.rate_hz:g} Hz")
         parameters = {"mode": "standalone", "rate_hz": plan.rate_hz}
         stack.start("twin", [executable("tensegrity_robot", "twin"), *ros_arguments(parameters)])
@@ -70,13 +71,13 @@ def run(plan: Plan, folder: Path, say: Say) -> Running:
     return Running(twins, latencies, load[0], bag)
 
 
-def _start(stack: Stack, folder: Path, plan: Plan) -> None:
+def _start(stack: Stack, folder: Path, plan: Plan) -> str:
     link = folder / "prototype"
-    stack.start("virtual_prototype", [executable("tensegrity_robot", "virtual_prototype"), "--link", link])
-    wait_until(link.exists, START_LIMIT_S, "the virtual prototype's port", stack)
+    prototype = start_prototype(stack, link, {}).instance
     stack.start("twin", [executable("tensegrity_robot", "twin"), *ros_arguments({"rate_hz": plan.rate_hz})])
     bridge = {"port": link, "bag_folder": folder, "state_folder": folder}
     stack.start("hardware_bridge", [executable("tensegrity_robot", "hardware_bridge"), *ros_arguments(bridge)])
+    return prototype
 
 
 @contextmanager

@@ -22,12 +22,12 @@ LONGEST = 6
 SAID = re.compile(r"first state published ([0-9.]+) s after")
 
 
-def measure(plan: Plan, folder: Path) -> StartUp:
-    """Compile into a cache of its own under `folder`, twice; start twins. Raises StackError."""
+def measure(plan: Plan, folder: Path, locks: tuple[int, ...]) -> StartUp:
+    """Compile into a cache of its own under `folder`, twice; start twins. Args: locks: of the ROS domain. Raises StackError."""
     cold, second = (_compile(folder / "cache") for _ in range(2))
-    first_state(folder / "before", folder / "cache")
-    warm = tuple(first_state(folder / f"start-{number}", folder / "cache") for number in range(plan.starts))
-    return StartUp(cold, second, warm, first_state(folder / "cold", folder / "another-cache"))
+    first_state(folder / "before", folder / "cache", locks)
+    warm = tuple(first_state(folder / f"start-{number}", folder / "cache", locks) for number in range(plan.starts))
+    return StartUp(cold, second, warm, first_state(folder / "cold", folder / "another-cache", locks))
 
 
 def _compile(cache: Path) -> Compilation:
@@ -49,9 +49,9 @@ def _compile(cache: Path) -> Compilation:
     return Compilation(stages, wall_s, whole_s)
 
 
-def first_state(folder: Path, cache: Path) -> FirstState:
+def first_state(folder: Path, cache: Path, locks: tuple[int, ...] = ()) -> FirstState:
     """A twin without a bridge, heard by somebody who was there before."""
-    with Stack(folder) as stack, Probe(stack) as probe:
+    with Stack(folder, *locks) as stack, Probe(stack) as probe:
         began_ns = time.monotonic_ns()
         stack.start("twin", [executable("tensegrity_robot", "twin")], {"NUMBA_CACHE_DIR": str(cache)})
         probe.wait(lambda: probe.states, "the twin's first state", START_LIMIT_S)
