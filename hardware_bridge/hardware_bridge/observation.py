@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hardware_bridge.errors import ObserverError
+from hardware_bridge.text import printable
+
+FAR_M = 1e4
+"""No floor is larger."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,9 +66,13 @@ def decode_observation(line: bytes) -> Observation:
         box_m = np.array(data["box_m"], dtype=np.float64)
         if joints_m.shape != (12, 3) or box_m.shape != (3,):
             raise ValueError(f"nodes have shape {joints_m.shape}, valid is (12, 3)")
-        face = None if data["face"] is None else str(data["face"])
-        detail, settled = str(data.get("detail", "")), bool(data["settled"])
+        if not (np.abs(joints_m) < FAR_M).all() or not (np.abs(box_m) < FAR_M).all():  # also not-a-number
+            raise ValueError(f"positions are not within {FAR_M:g} m")
+        face = None if data["face"] is None else printable(str(data["face"]), 40)
+        detail, settled = printable(str(data.get("detail", ""))), bool(data["settled"])
         late_s = float(data.get("late_s", 0.0))
+        if not 0.0 <= late_s < math.inf:
+            raise ValueError("late_s is no time")
         return Observation(int(data["robot_time_ns"]), face, detail, settled, joints_m, box_m, late_s)
-    except (ValueError, KeyError, TypeError) as error:
-        raise ObserverError(f"a line is no observation ({error}); is it the observer's socket?") from error
+    except (ValueError, KeyError, TypeError, OverflowError, RecursionError, AttributeError) as error:
+        raise ObserverError(f"a line is no observation ({printable(str(error), 100)}); is it the observer's socket?") from error

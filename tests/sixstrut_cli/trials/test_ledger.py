@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
+import zlib
 from dataclasses import replace
 
 import pytest
@@ -12,6 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sixstrut_cli.errors import SessionError
+from sixstrut_cli.robustness_report import write_table
 from sixstrut_cli.trials.ledger import LEDGER, Ledger, standing_of
 from sixstrut_cli.trials.record import COLUMNS, Event, Outcome, line_of, text_of, utc_ns, utc_text
 from tests.sixstrut_cli.trials.sessions import add, planned
@@ -32,7 +34,32 @@ def test_whatever_a_reason_holds_a_line_stays_one_line_and_reads_back(reason):
     line = replace(line_for(PLAN[0], 1), reason=reason)
     text = text_of(line)
     assert len(text.splitlines()) == 1
-    assert line_of(text).reason == " ".join(reason.split())
+    assert line_of(text).reason == " ".join("".join(letter if letter.isprintable() else " " for letter in reason).split())
+
+
+@pytest.mark.parametrize(
+    "name", ["=cmd|' /C calc'!A0", "+1+1", "-2+3+cmd", "@SUM(A1)", "'=quoted", "''=twice", "\t=cmd", "\x1b[31m=red"]
+)
+def test_a_name_that_begins_a_formula_is_text_in_every_table_and_reads_back(name, tmp_path):
+    line = replace(line_for(PLAN[0], 1), experimenter=name, policy_mm=(-12, 3, 0, 0, 0, 7))
+    shown = " ".join("".join(letter if letter.isprintable() else " " for letter in name).split())
+    text = text_of(line)
+    (cells,) = csv.reader([text])
+    row = dict(zip(COLUMNS, cells, strict=True))
+    assert row["experimenter"][0] not in "=+-@\t\r"
+    assert row["policy_mm"] == "-12 3 0 0 0 7"
+    assert line_of(text).experimenter == shown
+    table = write_table(tmp_path / "t.csv", [{"who": shown, "n": -5, "share": -0.5, "shown": "-1.5e-3"}])
+    (header, who) = csv.reader(table.read_text(encoding="utf-8").splitlines())
+    assert header == ["who", "n", "share", "shown"]
+    assert who[0][0] not in "=+-@"
+    assert who[1:] == ["-5", "-0.5", "-1.5e-3"]
+
+
+@pytest.mark.parametrize("row", ["", '"', "a\x00b", "x" * 200_000, "begin," + "9" * 5000])
+def test_a_row_that_is_none_is_damage_whatever_its_check_says(row):
+    with pytest.raises(SessionError):
+        line_of(f"{row},{zlib.crc32(row.encode()):08x}")
 
 
 @given(st.integers(0, 4_000_000_000_000_000))

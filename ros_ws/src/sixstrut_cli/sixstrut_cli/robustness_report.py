@@ -14,6 +14,7 @@ from sim_core.library import Library, gait_of
 from sim_core.rates import EXCHANGEABLE, ONE_GAIT, Rate
 from sim_core.robustness import Study
 from sim_core.uncertainty import GROUPS, OURS
+from sixstrut_cli.tables import cell_of
 
 WORST = 8
 """Gaits to name."""
@@ -183,5 +184,5 @@ def write_table(path: Path, rows: Iterable[dict[str, Any]]) -> Path:
             if table is None:
                 table = csv.DictWriter(file, list(row), lineterminator="\n")
                 table.writeheader()
-            table.writerow(row)
+            table.writerow({name: cell_of(value) for name, value in row.items()})
     return path

@@ -134,11 +134,14 @@ def _posterior_of(path: Path, prototype: Prototype) -> Posterior:
 
 
 def _read(path: Path) -> Mapping[str, Any] | None:
+    from sim_core.errors import FileError
+    from sim_core.files import read_text
+
     try:
-        state: Mapping[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+        state: Mapping[str, Any] = json.loads(read_text(path, 256_000_000))
     except FileNotFoundError:
         return None
-    except json.JSONDecodeError as error:
+    except (ValueError, RecursionError, FileError) as error:
         raise typer.BadParameter(f"{path} is damaged ({error}); --fresh begins anew") from error
     return state
 

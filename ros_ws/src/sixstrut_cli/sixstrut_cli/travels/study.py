@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from sim_core.files import read_text
 from sixstrut_cli.lateness import LATE_S
 from sixstrut_cli.travels.trip import Trip, travel
 from sixstrut_cli.virtual_stack import VirtualRobot
@@ -67,6 +68,10 @@ def cases_of(goals: int, seed: int, distance_m: float = DISTANCE_M, slope_deg: f
     return [Case(n, place, deg, *who) for deg in floors for n, place in enumerate(places, 1) for who in TRAVELLERS]
 
 
+MOST_BYTES = 256_000_000
+"""Of the file of all trips."""
+
+
 def groups_of(cases: Iterable[Case]) -> list[tuple[float, str, bool]]:
     """Ground and traveller, in the order of the page."""
     return sorted({case.group for case in cases}, key=lambda group: (group[0], TRAVELLERS.index(group[1:])))
@@ -82,10 +87,10 @@ def read_trips(folder: Path) -> dict[Key, Trip]:
     """The trips that a folder holds, by case; a last line that was cut short is none."""
     found = {}
     path = folder / TRIPS
-    for line in path.read_text(encoding="utf-8").splitlines() if path.exists() else ():
+    for line in read_text(path, MOST_BYTES).splitlines() if path.exists() else ():
         try:
             row = json.loads(line)
-        except json.JSONDecodeError:
+        except (ValueError, RecursionError):
             continue
         number = row.pop("number")
         for name in ("goal_m", "faces"):

@@ -8,10 +8,14 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from sim_core.errors import FileError
+from sim_core.files import read_bytes
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.record import Event, Line, Outcome, header_text, line_of, text_of
 
 LEDGER = "ledger.csv"
+MOST_BYTES = 512_000_000
+"""A million trials have half of it."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +78,9 @@ def read_lines(path: Path) -> tuple[list[Line], int]:
         SessionError: it cannot be read, or is not a ledger of this version.
     """
     try:
-        head, *rest = path.read_bytes().decode("utf-8", errors="replace").split("\n")
+        head, *rest = read_bytes(path, MOST_BYTES).decode("utf-8", errors="replace").split("\n")
+    except FileError as error:
+        raise SessionError(str(error)) from error
     except OSError as error:
         raise SessionError(f"cannot read the ledger {path}: {error.strerror}; give the folder of a session") from error
     if head != header_text():

@@ -16,6 +16,7 @@ from sim_core.library import Gait, Library, Primitive, gait_of
 from sim_core.structure import require_adjacent
 from sim_core.symmetry import class_of, rolls_of
 from sixstrut_cli.errors import SessionError
+from sixstrut_cli.tables import cell_of, value_of
 
 DIGITS = 6
 """Of odds: a table and a bag hold the same number."""
@@ -169,7 +170,7 @@ def plan_text(plan: Iterable[Slot]) -> str:
     table.writerow(Slot._fields)
     for slot in plan:
         cells = {**slot._asdict(), "policy_mm": " ".join(map(str, slot.policy_mm)), "odds": repr(slot.odds)}
-        table.writerow(cells.values())
+        table.writerow(map(cell_of, cells.values()))
     return out.getvalue()
 
 
@@ -177,8 +178,8 @@ def plan_of(text: str, where: str) -> list[Slot]:
     """The plan of a table. Raises SessionError: it is none."""
     try:
         rows = list(csv.DictReader(io.StringIO(text)))
-        plan = [_slot(row) for row in rows]
-    except (KeyError, ValueError, TypeError) as error:
+        plan = [_slot({name: value_of(cell) for name, cell in row.items()}) for row in rows]
+    except (KeyError, ValueError, TypeError, csv.Error) as error:
         raise SessionError(f"{where} is not the plan of a session: {error}") from error
     if not plan:
         raise SessionError(f"{where} is an empty plan")

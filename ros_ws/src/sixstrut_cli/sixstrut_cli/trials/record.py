@@ -11,7 +11,9 @@ from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from enum import StrEnum
 
+from sim_core.errors import brief, one_line
 from sixstrut_cli.errors import SessionError
+from sixstrut_cli.tables import cell_of, value_of
 
 
 class Event(StrEnum):
@@ -128,8 +130,12 @@ def line_of(text: str) -> Line:
     """The line of a text. Raises SessionError: it is cut short or damaged."""
     body, _, check = text.rpartition(",")
     if check != f"{zlib.crc32(body.encode()):08x}":
-        raise SessionError(f"line {text[:60]!r} is cut short or damaged: its check is not {check!r}")
-    return line_of_cells(dict(zip(COLUMNS, next(csv.reader([body])), strict=False)))
+        raise SessionError(f"line {brief(text)} is cut short or damaged: its check is not {brief(check)}")
+    try:
+        cells = next(csv.reader([body]))
+    except (csv.Error, StopIteration) as error:
+        raise SessionError(f"line {brief(text)} is no row of a table: {error}") from error
+    return line_of_cells(dict(zip(COLUMNS, map(value_of, cells), strict=False)))
 
 
 def line_of_cells(cells: dict[str, str]) -> Line:
@@ -139,7 +145,9 @@ def line_of_cells(cells: dict[str, str]) -> Line:
         try:
             values[field.name] = _PARSERS[str(field.type)](cells[field.name])
         except (KeyError, ValueError) as error:
-            raise SessionError(f"column {field.name} of a trial is {cells.get(field.name)!r}: {error}") from error
+            raise SessionError(
+                f"column {field.name} of a trial is {brief(cells.get(field.name))}: {one_line(str(error))}"
+            ) from error
     return Line(**values)  # type: ignore[arg-type]
 
 
@@ -163,5 +171,5 @@ _PARSERS: dict[str, Callable[[str], object]] = {
 
 def _csv(cells: Sequence[str]) -> str:
     out = io.StringIO()
-    csv.writer(out, lineterminator="").writerow(cells)
+    csv.writer(out, lineterminator="").writerow(map(cell_of, cells))
     return out.getvalue()
