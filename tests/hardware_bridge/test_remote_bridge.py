@@ -48,6 +48,7 @@ class Remote:
             rules,
             board=Lsc(),
             state_dir=self.folder,
+            silent_board=True,
             on_sent=self.events.append,
             on_face=self.events.append,
             on_state=self.events.append,

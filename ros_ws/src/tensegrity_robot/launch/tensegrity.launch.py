@@ -75,6 +75,8 @@ def _processes(context: LaunchContext) -> list[Action]:
             board=text("board"),
             time_scale=number("time_scale"),
             calibration=text("calibration"),
+            rested_s=number("rested_s"),
+            silent_board=ParameterValue(LaunchConfiguration("silent_board"), value_type=bool),
             library=text("library"),
             bag_folder=text("bags"),
         ),

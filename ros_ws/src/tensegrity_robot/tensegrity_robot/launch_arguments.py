@@ -22,7 +22,7 @@ from tensegrity_robot.session_log import bag_folder
 
 ARGUMENTS = (
     ("virtual", "true", "start a virtual prototype and drive it; false: drive the board at `port`"),
-    ("port", "", "device or pyserial URL of the board; empty: the virtual prototype's link"),
+    ("port", "", "device or socket://HOST:PORT of the board; empty: the virtual prototype's link"),
     ("board", "lsc", "servo board: lsc, ssc32, maestro, maestro:crc, maestro:device=12:crc"),
     ("perturbation", "0.05", "how far the virtual prototype is off the nominal robot, 0.05 for ±5 %"),
     ("incline", "0.0", "incline of the virtual prototype's ground in degrees, downhill in a direction that the seed draws"),
@@ -30,6 +30,8 @@ ARGUMENTS = (
     ("time_scale", "1.0", "robot seconds per second; other than 1 only with a virtual prototype"),
     ("start_face", "TC6", "face on which robot and twin start"),
     ("calibration", "", "calibration YAML; empty: the virtual prototype's"),
+    ("rested_s", "0.0", "how long the actuators have rested, in s, where nobody else knows it"),
+    ("silent_board", "false", "the operator's word: this board cannot answer; arm it all the same"),
     ("library", "robust", "gait library: a shipped name, or a YAML file"),
     ("bags", "", "folder for the recorded bags; empty: $SIXSTRUT_BAGS or ./bags"),
     ("rviz", "false", "start RViz with the twin"),
@@ -37,6 +39,7 @@ ARGUMENTS = (
 """Name, default, description."""
 
 LONGEST_SEED = 2**31 - 1
+LONGEST_REST_S = 1e6
 _WORDS = {"true": True, "1": True, "false": False, "0": False}
 
 
@@ -67,6 +70,8 @@ def require_arguments(given: Mapping[str, str], prefix_of: Callable[[str], str])
     scale = _number(given, "time_scale", 0.01, 100.0)
     if not virtual and scale != 1.0:
         raise StartError(f"time_scale:={given['time_scale']}: a real robot's is 1")
+    _number(given, "rested_s", 0.0, LONGEST_REST_S)
+    truth(given, "silent_board")
     _number(given, "perturbation", 0.0, MAX_SCALE)
     _number(given, "incline", 0.0, MAX_INCLINE_DEG)
     if not given["seed"].isdecimal() or int(given["seed"]) > LONGEST_SEED:
