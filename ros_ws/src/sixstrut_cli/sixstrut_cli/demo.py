@@ -112,13 +112,14 @@ class _Demo:
         try:
             with self.console.status("waiting for bridge, planner and twin to find each other"):
                 operator.wait_for_stack()
-            self.bag = Path(operator.bridge.bag) if operator.bridge.bag else None
             with self.console.status("arming: the struts are energised one by one, then go to mid stroke"):
                 operator.arm(neutral_lengths(load_prototype()).tolist())
             self.console.print(f"armed; standing on {operator.observed.face} ({operator.observed.source})\n")
             self._rolls(operator)
             operator.disarm()
         finally:
+            if operator.bridge is not None and operator.bridge.bag:  # the bridge may begin it after it was first heard
+                self.bag = Path(operator.bridge.bag)
             with Uninterrupted():
                 operator.close()
 
