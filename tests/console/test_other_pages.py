@@ -180,6 +180,20 @@ def test_what_one_page_selects_is_no_other_s(standing, browser):
     assert rolls() == ["roll TO7 False"]
 
 
+def test_a_key_says_which_question_it_answers(standing, browser):
+    page = browser.new_page()
+    page.route("**/scene?*", lambda route: route.abort())
+    page.goto(standing.url)
+    page.wait_for_selector("#lost", state="hidden")
+    page.click("#trialKeys button[data-key=n]")
+    page.keyboard.press("y")
+    wait_until(lambda: "press y the-newest" in standing.asked(), 20.0, "the key")
+    assert "press n the-newest" in standing.asked()
+    page.evaluate("order('key', { key: 'y', panel: 'an older one' })")
+    until(page, "document.querySelector('#told').textContent.includes('look again')", "the refusal")
+    assert standing.asked().count("press y the-newest") == 1
+
+
 def test_each_page_s_3d_view_shows_its_own_selection(standing, browser):
     """By what viser sends to each: a ghost, a chosen face."""
     frames = {}

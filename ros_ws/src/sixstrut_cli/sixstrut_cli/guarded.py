@@ -33,8 +33,8 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 VALID = "valid are 16 to 128 letters, digits, - and _"
 MOST_UNSENT = 4 * 1024 * 1024
 """Bytes that wait for one page; it is let go when there are more."""
-PING_S = 10.0
-"""A page that does not answer for as long is let go."""
+PING_S = 30.0
+"""A page that does not answer for as long is let go. A browser that draws in software on a busy machine is slow, not gone."""
 FIRST_DELAY_S, LONGEST_DELAY_S = 0.25, 5.0
 FORGET_S = 60.0
 MOST_HELD = 200
