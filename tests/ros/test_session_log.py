@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from pathlib import Path
 
@@ -10,6 +11,7 @@ from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
 from hardware_bridge.bag_reader import read_session
+from hardware_bridge.errors import RecorderError
 from tensegrity_robot import session_log
 from tensegrity_robot.filters import EventTimes, ObservationFilter
 from tensegrity_robot.session_log import SessionLog, bag_folder, bag_name, mend_journals
@@ -73,13 +75,52 @@ def test_a_dead_session_is_mended_and_a_living_one_left_alone(tmp_path, monkeypa
     assert mend_journals(tmp_path) == []
     living.close()
     assert living.path is not None
-    journal = tmp_path / "dead.mcap.journal"
-    whole = living.path.read_bytes()
-    journal.write_bytes(whole[: len(whole) // 2])
+    journal = dead_session(tmp_path)
     (line,) = mend_journals(tmp_path)
-    assert line.startswith(f"mended {tmp_path / 'dead.mcap'}:")
+    assert line == f"mended {tmp_path / 'dead.mcap'}: 1 messages of a session that was cut short"
     assert not journal.exists()
-    read_session(tmp_path / "dead.mcap")
+    assert [message.data for message in read_session(tmp_path / "dead.mcap").of("early")] == ["before"]
+
+
+def dead_session(folder: Path) -> Path:
+    """The journal that a killed bridge leaves."""
+    log = opened(folder)
+    log._recorder.sync()
+    data = log._recorder.journal.read_bytes()
+    log.close()
+    log.path.unlink()
+    journal = folder / "dead.mcap.journal"
+    journal.write_bytes(data)
+    return journal
+
+
+def test_a_damaged_session_is_mended_kept_and_told(tmp_path, monkeypatch):
+    monkeypatch.setattr(session_log, "YOUNG_S", 0.0)
+    journal = dead_session(tmp_path)
+    journal.write_bytes(journal.read_bytes() + bytes(4096))
+    (line,) = mend_journals(tmp_path)
+    assert "1 messages" in line
+    assert "4096 bytes in 1 place(s) are damaged" in line
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["dead.mcap", "dead.mcap.journal.damaged"]
+    assert mend_journals(tmp_path) == []
+
+
+def test_a_journal_from_the_future_is_not_waited_for(tmp_path, monkeypatch):
+    waited: list[float] = []
+    monkeypatch.setattr(session_log.time, "sleep", waited.append)
+    journal = dead_session(tmp_path)
+    ahead = time.time() + 7200.0
+    os.utime(journal, (ahead, ahead))
+    assert mend_journals(tmp_path)
+    assert waited == [session_log.YOUNG_S]
+
+
+def test_no_bag_begins_while_the_clock_is_at_its_beginning(tmp_path, monkeypatch):
+    monkeypatch.setattr(session_log.time, "time", lambda: 12_345.0)
+    monkeypatch.setattr(session_log.time, "gmtime", lambda: time.struct_time((1970, 1, 1, 3, 25, 45, 3, 1, 0)))
+    with pytest.raises(RecorderError, match=r"the computer's clock says 1970-01-01: set it \(timedatectl\), or do without a log"):
+        opened(tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_observation_is_news_when_face_or_rest_changes():

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 
 from sim_core.actuators import following, load_actuators
-from sim_core.follow import Follower, Observed, Order, Sent
+from sim_core.follow import SLICE_S, Follower, Observed, Order, Pace, Sent
 from sim_core.library import load_library
 from sim_core.model import build_model
 from sim_core.policy import lengths_of, neutral_lengths
 
 MS = 1_000_000
+S = 1000 * MS
 
 
 def stream(model, policy, seconds=8.0, seen=()):
@@ -113,3 +114,34 @@ def test_actuators_that_feel_their_load_lag_behind_and_do_not_heed_how_events_cu
     assert loaded.identity.startswith(f"{quick.hash}-")
     assert ideal.identity == quick.hash
     assert loaded.robot.footing().face == "TO5"
+
+
+def test_a_long_pause_is_stepped_in_slices_to_the_same_bits(model, policy):
+    events = stream(model, policy, seconds=3.0)
+    later = Sent(events[-1].seq + 1, events[-1].robot_time_ns + 30 * S, events[-1].lengths_m)
+    whole = followed(model, [*events, later])
+    sliced = followed(model, events)
+    steps = [sliced.step]
+    while not sliced.approach(later):
+        steps.append(sliced.step)
+    sliced.apply(later)
+    assert max(np.diff(steps)) <= SLICE_S * model.steps_per_second
+    assert len(steps) >= 15
+    assert (sliced.digest(), sliced.step) == (whole.digest(), whole.step)
+
+
+def test_a_pace_lets_a_stream_wait_sleep_and_come_in_bursts_but_not_jump():
+    pace = Pace()
+    beat = [Sent(seq, seq * 50 * MS, (0.234,) * 6) for seq in range(1, 10_000)]
+    assert not any(pace.refuses(event, 0) for event in beat)  # all that waited, at once
+    assert "jumps by" in pace.refuses(Sent(10_000, 10_000 * S, (0.234,) * 6), 0)
+    assert pace.refuses(Sent(10_000, 500 * S, (0.234,) * 6), 0) == ""
+    assert pace.refuses(Sent(82_000, 4100 * S, (0.234,) * 6), 3600 * S) == ""  # an hour of sleep
+    assert "the number of event" in pace.refuses(Sent(2**64 - 1, 4101 * S, (0.234,) * 6), 3601 * S)
+    assert pace.refuses(Sent(82_020, 4101 * S, (0.234,) * 6), 3601 * S) == ""
+
+
+def test_many_small_jumps_are_no_way_around_the_pace():
+    pace = Pace()
+    refused = [bool(pace.refuses(Sent(seq, seq * 100 * S, (0.234,) * 6), seq)) for seq in range(1, 100)]
+    assert refused.count(False) <= 8

@@ -7,18 +7,24 @@ import re
 import subprocess
 import sys
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import rclpy
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
 from hardware_bridge.bag_reader import read_session
-from sixstrut_cli.playing import TOLD
+from hardware_bridge.bag_types import TOPICS
+from sixstrut_cli import playing
+from sixstrut_cli.playing import TOLD, filled
 from sixstrut_cli.replaying import replay
+from sixstrut_cli.ros_types import message_class
 from tensegrity_interfaces.msg import StrutsSent
 from tensegrity_robot import qos
+from tensegrity_robot.cdr import wire_bytes
 
 EXAMPLE = Path(__file__).parents[2] / "bags" / "example.mcap"
 
@@ -50,6 +56,35 @@ def test_beside_a_bridge_nothing_is_played():
         context.try_shutdown()
     assert result.returncode == 1
     assert "a bridge is running: nothing is played beside it" in result.stderr
+
+
+def test_an_old_message_becomes_one_of_today_with_defaults_for_what_it_does_not_have():
+    session = read_session(EXAMPLE, topics=TOLD)
+    for topic, all_of_it in session.messages.items():
+        kind = message_class(TOPICS[topic][0] if topic in TOPICS else "sensor_msgs/msg/JointState")
+        old = all_of_it[len(all_of_it) // 2].message
+        today = deserialize_message(wire_bytes(filled(kind, old)), kind)
+        assert today == filled(kind, old)
+        if topic == "bridge/struts_sent":
+            assert not hasattr(old, "session")
+            assert today.session == ""
+            assert (today.seq, today.robot_time_ns, bytes(today.frame)) == (old.seq, old.robot_time_ns, bytes(old.frame))
+            assert list(today.length_m) == list(old.length_m)
+        if topic == "bridge/asked":
+            assert [list(point.positions) for point in today.points] == [list(point.positions) for point in old.points]
+
+
+def test_pauses_and_log_times_from_anywhere_are_no_time_to_wait(monkeypatch):
+    session = read_session(EXAMPLE, topics=("bridge/face",))
+    (face, *_) = session.messages["bridge/face"]
+    due = [face._replace(log_time_ns=number * 10**18) for number in range(4)]
+    waited, heard = [], []
+    monkeypatch.setattr(playing.time, "sleep", waited.append)
+    publisher = SimpleNamespace(publish=heard.append)
+    types = {"bridge/face": "tensegrity_interfaces/msg/FaceObservation"}
+    assert playing._publish(due, {"bridge/face": publisher}, types, 1.0, lambda done, total: None) == 4
+    assert len(heard) == 4
+    assert all(wait <= 3 * playing.MOST_PAUSE_S for wait in waited)
 
 
 def test_nothing_that_is_played_is_heard_by_a_bridge():

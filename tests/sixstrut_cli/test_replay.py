@@ -1,15 +1,18 @@
 """Replaying the recorded session that ships with the repository, and sessions that were tampered with."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
-from hardware_bridge.bag_reader import Session, read_session
+from hardware_bridge.bag_reader import BagError, Session, read_session
+from sim_core.errors import SimError
 from sim_core.model import build_model
 from sixstrut_cli.outcomes import outcomes_of
 from sixstrut_cli.replaying import ReplayError, events_of, model_of, replay, require_same_model
+from sixstrut_cli.trials.replayed import library_of
 
 BAG = Path(__file__).parents[2] / "bags" / "example.mcap"
 
@@ -87,3 +90,53 @@ def test_a_bag_of_another_model_is_refused_with_both_hashes(session):
         require_same_model(session, heavier)
     assert nominal.hash in str(caught.value)
     assert heavier.hash in str(caught.value)
+
+
+FORGED = {
+    "in 146 years": ({"robot_time_ns": 2**62}, "robot time 4.612e+09 s is impossible"),
+    "in an hour": ({"robot_time_ns": 3600 * 10**9}, "robot time jumps by"),
+    "before the beginning": ({"robot_time_ns": -1}, "robot time -1e-09 s is impossible"),
+    "a huge number": ({"seq": 2**64 - 1}, "jumps by"),
+    "not a number": ({"length_m": [float("nan")] * 6}, "a length of nan m of S1 is impossible"),
+    "a robot like a tower": ({"length_m": [1e300] * 6}, "a length of 1e+300 m of S1 is impossible"),
+}
+
+
+@pytest.mark.parametrize("case", FORGED)
+def test_a_forged_event_is_refused_in_one_line_and_never_stepped_to(session, case):
+    change, told = FORGED[case]
+    sent = session.messages["bridge/struts_sent"]
+    fields = ("seq", "robot_time_ns", "length_m", "heartbeat", "header")
+    forged = SimpleNamespace(**{**{name: getattr(sent[100].message, name) for name in fields}, **change})
+    messages = {**session.messages, "bridge/struts_sent": [*sent[:100], sent[100]._replace(message=forged), *sent[101:]]}
+    with pytest.raises(ReplayError, match=re.escape(told)):
+        replay(Session(session.path, messages, session.attachments, session.metadata))
+
+
+def test_log_times_that_were_forged_as_well_buy_no_eternity(session):
+    sent = session.messages["bridge/struts_sent"]
+    fields = ("seq", "length_m", "heartbeat", "header")
+    late = []
+    for number, recorded in enumerate(sent[:40]):
+        forged = SimpleNamespace(robot_time_ns=number * 10**15, **{name: getattr(recorded.message, name) for name in fields})
+        late.append(recorded._replace(message=forged, log_time_ns=number * 10**18))
+    with pytest.raises(ReplayError, match=r"nothing was told for 11\.6 days"):
+        replay(Session(session.path, {"bridge/struts_sent": late}, session.attachments, session.metadata))
+
+
+def test_a_goal_that_is_none_is_one_line(session):
+    asked = session.messages["bridge/asked"]
+    for change in ({"points": []}, {"joint_names": ["S1"]}):
+        old = asked[0].message
+        forged = SimpleNamespace(**{"header": old.header, "joint_names": old.joint_names, "points": old.points, **change})
+        with pytest.raises(BagError, match="is no lengths of S1 to S6"):
+            outcomes_of(Session(session.path, {"bridge/asked": [asked[0]._replace(message=forged)]}), 0.234)
+
+
+@pytest.mark.parametrize("name", ["prototype.yaml", "library.yaml"])
+def test_a_bag_with_hostile_yaml_is_one_short_line(session, name):
+    laughs = b"a: &a [x, x]\nb: &b [*a, *a]\n"
+    hostile = Session(session.path, session.messages, {**session.attachments, name: laughs}, session.metadata)
+    with pytest.raises(SimError) as caught:
+        model_of(hostile) if name == "prototype.yaml" else library_of(hostile)
+    assert f"example.mcap: {name} is not valid YAML at line 1: an anchor" in str(caught.value)

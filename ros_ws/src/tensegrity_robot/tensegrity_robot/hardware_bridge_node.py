@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import sys
 import threading
+import traceback
 from pathlib import Path
 
 import numpy as np
@@ -157,8 +158,10 @@ class HardwareBridgeNode(LifecycleNode):
         """Opens port and bag. Nothing moves."""
         try:
             self._open_bridge()
-        except (BridgeError, SimError, OSError) as error:
-            self._failure = error if isinstance(error, BridgeError) else BridgeError(str(error))
+        except Exception as error:  # also what nobody thought of: rclpy would swallow it without a word
+            if not isinstance(error, BridgeError | SimError | OSError):
+                self.get_logger().error(traceback.format_exc())
+            self._failure = error if isinstance(error, BridgeError) else BridgeError(str(error) or repr(error))
             self._close_bridge()
             if not self._settings.autostart:
                 self.get_logger().error(str(error))
