@@ -83,6 +83,7 @@ class MotionServer:
             await elsewhere(self._node, lambda: bridge.judge_motion(trajectory, request.lease), "judge a motion")
             if self._ready() is not bridge:
                 raise Refused("the bridge was opened anew while the motion was judged; arm again")
+            self._permit(trajectory, request.library_hash)  # judging may have taken seconds
             motion = bridge.execute(trajectory, request.lease, age.now_s())
         except BridgeError as error:
             self._node.get_logger().warning(f"motion refused: {error}")
