@@ -49,6 +49,7 @@ class Remote:
             board=Lsc(),
             state_dir=self.folder,
             silent_board=True,
+            rested_s=600.0,
             on_sent=self.events.append,
             on_face=self.events.append,
             on_state=self.events.append,
