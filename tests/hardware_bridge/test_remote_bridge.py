@@ -15,6 +15,7 @@ from hardware_bridge.events import SentEvent
 from hardware_bridge.protocol import Mode
 from hardware_bridge.remote_bridge import HostProcess
 from hardware_bridge.trajectory import Trajectory
+from hardware_bridge.transport import SerialTransport
 from tests.hardware_bridge.helpers import MID, MID_M, wait_for
 
 HOST = (
@@ -119,8 +120,11 @@ def test_when_this_end_is_gone_the_struts_are_held_and_the_port_is_free(remote):
     wait_for(lambda: len(remote.wire.moves()) > before + 3, "motion")
     assert remote.host.close() == 0
     remote.prove_no_more()
-    last = remote.wire.moves()[-1]
-    assert last.duration_ms <= 20 or last.duration_ms < remote.wire.moves()[-2].duration_ms  # the one that holds
+    *_, moved, held = remote.wire.moves()
+    assert held.pulses_us[0] <= moved.pulses_us[0]  # the last one holds: it goes nowhere new
+    transport = SerialTransport(remote.wire.port)
+    transport.open()
+    transport.close()
     assert not remote.ends  # it did not end by itself
 
 
