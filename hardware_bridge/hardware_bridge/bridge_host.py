@@ -244,7 +244,9 @@ class BridgeHost:
                 with self._lock:
                     handles = dict(self._motions)
                 motions = {number: handle.progress() for number, handle in handles.items()}
-                self._tell(Refreshed(bridge.snapshot(), motions))
+                snapshot = bridge.snapshot()
+                if snapshot.session:  # else it is just being opened, and knows nothing yet
+                    self._tell(Refreshed(snapshot, motions))
 
     def _ask(self, lengths_m: tuple[float, ...]) -> str | None:
         answer: SimpleQueue[str | None] = SimpleQueue()

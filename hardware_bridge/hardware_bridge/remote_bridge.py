@@ -293,7 +293,8 @@ class RemoteBridge:
     def _keep(self, snapshot: Snapshot) -> None:
         """The newest by the robot's clock: one may have been made before another, and come after it."""
         with self._lock:
-            if self._snapshot is None or snapshot.robot_time_ns >= self._snapshot.robot_time_ns:
+            before = self._snapshot
+            if before is None or before.session != snapshot.session or snapshot.robot_time_ns >= before.robot_time_ns:
                 self._snapshot = snapshot
 
     def _progress(self, handle: MotionHandle) -> Progress:
