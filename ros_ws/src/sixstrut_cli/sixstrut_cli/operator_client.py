@@ -26,6 +26,7 @@ from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TrialRecord, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, LogTrial, SetFace
 from tensegrity_robot.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.live_bridge import LiveBridge
 
 LONGEST_WORDS = 2000
 DISCOVERY_LIMIT_S = 30.0
@@ -61,8 +62,10 @@ class Operator:
         self._twin_joints: np.ndarray | None = None
         self._seen_joints: np.ndarray | None = None
         subscribe = self._node.create_subscription
+        self._live = live = LiveBridge(self._node.get_logger().warning)
+        keep = self._keep("observed")
         subscribe(BridgeState, "bridge/state", self._keep_bridge, LATCHED)
-        subscribe(FaceObservation, "bridge/face", self._keep("observed"), LATCHED)
+        subscribe(FaceObservation, "bridge/face", lambda face: live.takes(face, keep), LATCHED)
         subscribe(TwinState, "twin/state", self._keep("twin"), 10)
         subscribe(PoseArray, "twin/joints", self._keep_joints("_twin_joints"), 10)
         subscribe(PoseArray, "bridge/observed_joints", self._keep_joints("_seen_joints"), 10)
@@ -88,6 +91,8 @@ class Operator:
     def _keep_bridge(self, message: Any) -> None:
         if self._prototype and message.prototype != self._prototype:
             return  # another robot's, or not proven yet
+        if not self._live.hears(message, self._node.get_clock().now().nanoseconds):
+            return  # a recording's
         self.bridge_before, self.bridge, self.heard = self.bridge, _shown(message), time.monotonic()
 
     def _keep_joints(self, name: str) -> Callable[[PoseArray], None]:

@@ -32,6 +32,7 @@ from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, T
 from tensegrity_interfaces.srv import Arm, Disarm, Rehearse, SetFace
 from tensegrity_robot import qos
 from tensegrity_robot.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.live_bridge import LiveBridge
 
 Answer = Callable[[bool, str], None]
 """Told once whether something was done, and in words how it went."""
@@ -61,8 +62,9 @@ class RosSide:
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = node = Node("console", context=self._context)
         subscribe = self._subscribe
+        self._live = live = LiveBridge(node.get_logger().warning)
         subscribe(BridgeState, "bridge/state", self._on_bridge, qos.LATCHED)
-        subscribe(FaceObservation, "bridge/face", self._on_face, qos.FACES)
+        subscribe(FaceObservation, "bridge/face", lambda face: live.takes(face, self._on_face), qos.FACES)
         subscribe(FaceObservation, "twin/face", self._on_prediction, qos.FACES)
         subscribe(TwinState, "twin/state", self._on_twin, qos.STATES)
         subscribe(PoseArray, "twin/joints", self._on_joints, qos.STATES)
@@ -105,6 +107,8 @@ class RosSide:
     # ---- what is heard ----------------------------------------------------------------------------------------------
 
     def _on_bridge(self, message: BridgeState) -> None:
+        if not self._live.hears(message, self._node.get_clock().now().nanoseconds):
+            return  # a recording's, or another robot's
         facts = self.facts
         facts.heard = time.monotonic()
         facts.state, facts.reason = printable(message.state, NAME_MOST), printable(message.reason)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sixstrut_cli.faults import rows_board, rows_command, rows_link, rows_session, rows_strangers
+from sixstrut_cli.faults import rows_board, rows_command, rows_link, rows_robot, rows_session, rows_strangers
 from sixstrut_cli.faults.scenario import Scenario
 
 SCENARIOS: tuple[Scenario, ...] = (
@@ -169,9 +169,31 @@ SCENARIOS: tuple[Scenario, ...] = (
         "A namespace or a ROS domain for each robot.",
         rows_strangers.second_bridge,
     ),
+    Scenario(
+        22,
+        "Nobody answers at the port: no power, wrong port, wrong rate",
+        "A board that has not answered since the port was opened is not armed.",
+        "Power, port, rate, the wire that it answers on; a board that cannot answer needs the word `silent_board:=true`.",
+        rows_robot.silent_board,
+    ),
+    Scenario(
+        23,
+        "Another robot, or another calibration, at the same port",
+        "Last pulses belong to a robot, its calibration and its board: of another one nobody knows where its struts are, and it is not "
+        "armed.",
+        "See where each strut is, and confirm the lengths with `arm`.",
+        rows_robot.another_robot,
+    ),
+    Scenario(
+        24,
+        "A journal is damaged in its middle (a page of zeros)",
+        "Only the damaged place is lost. The journal is kept, and the line and the bag say how much could not be read.",
+        "Look at the disk.",
+        rows_robot.damaged_journal,
+    ),
 )
 
-RUNNING_ORDER = (1, 4, 5, 6, 7, 9, 21, 19, 16, 14, 18, 15, 10, 11, 12, 17, 20, 13, 2, 3, 8)
+RUNNING_ORDER = (1, 4, 5, 6, 7, 9, 21, 22, 23, 24, 19, 16, 14, 18, 15, 10, 11, 12, 17, 20, 13, 2, 3, 8)
 """So that as many as can share a stack, and those that kill it come last."""
 
 
