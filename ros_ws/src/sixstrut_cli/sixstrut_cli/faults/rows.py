@@ -179,8 +179,8 @@ SCENARIOS: tuple[Scenario, ...] = (
     Scenario(
         23,
         "Another robot, or another calibration, at the same port",
-        "Last pulses belong to a robot, its calibration and its board: of another one nobody knows where its struts are, and it is not "
-        "armed.",
+        "Last pulses belong to a robot, its calibration and its board: of another one nobody knows where its struts are, and "
+        "it is not armed.",
         "See where each strut is, and confirm the lengths with `arm`.",
         rows_robot.another_robot,
     ),
