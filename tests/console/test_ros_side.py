@@ -63,7 +63,9 @@ def test_what_anybody_may_publish_neither_blinds_nor_fools_a_page(ros_side, oper
     assert facts.trial == {"question": "[2Jgo?", "done": None, "keys": None}
 
     reason, holder = "\x1b]0;x\x07" + "r" * 10_000, "me\r\n" * 1000
-    state.publish(BridgeState(state="AR\x1bMED", reason=reason, lease_holder=holder, duty_left_s=math.nan))
+    told = BridgeState(state="AR\x1bMED", reason=reason, lease_holder=holder, duty_left_s=math.nan)
+    told.header.stamp = operator.node.get_clock().now().to_msg()
+    state.publish(told)
     wait_until(lambda: facts.state == "ARMED", WAIT_S, "the state")
     assert "\x1b" not in facts.reason + facts.holder
     assert len(facts.reason) <= 300

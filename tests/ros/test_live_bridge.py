@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from builtin_interfaces.msg import Time
 
-from tensegrity_interfaces.msg import BridgeState, FaceObservation
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent
 from tensegrity_robot.live_bridge import FRESH_S, SILENT_S, STRANGE_S, LiveBridge
 
 NOW_S = 1_800_000_000
@@ -86,6 +86,16 @@ def test_faces_that_came_before_any_state_are_not_lost(listener):
     listener.sees("TC6", "a")
     listener.hears("a")
     assert listener.taken == ["TC6"]
+
+
+def test_a_face_waits_however_many_heartbeats_come_after_it(listener):
+    listener.sees("TC6", "a")
+    heard = []
+    for seq in range(1000):
+        listener.live.takes(StrutsSent(seq=seq, session="a"), heard.append)
+    listener.hears("a")
+    assert listener.taken == ["TC6"]
+    assert [event.seq for event in heard] == list(range(900, 1000))
 
 
 def test_what_waits_is_bounded(listener):

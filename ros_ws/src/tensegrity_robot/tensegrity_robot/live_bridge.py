@@ -21,6 +21,7 @@ STRANGE_S = 2.0
 """A session that is heard for longer without being the live one is a stranger; shorter, it may be a bridge that has just begun."""
 
 MOST_WAITING = 100
+"""Events of one kind, or sessions, that are remembered until it is known whose they are."""
 
 
 class _Stamp(Protocol):
@@ -57,7 +58,7 @@ class LiveBridge:
         self._adopted = adopted
         self._steady_s = steady_s
         self._heard_s = -float("inf")
-        self._waiting: deque[tuple[Any, Callable[[Any], None]]] = deque(maxlen=MOST_WAITING)
+        self._waiting: dict[type, deque[tuple[Any, Callable[[Any], None]]]] = {}  # by kind: heartbeats must not push out a face
         self._strange: dict[str, float] = {}
         self._warned = False
 
@@ -81,17 +82,18 @@ class LiveBridge:
         if event.session == self.session:
             take(event)
             return
-        self._waiting.append((event, take))
+        self._waiting.setdefault(type(event), deque(maxlen=MOST_WAITING)).append((event, take))
         self._is_strange(event.session, self._steady_s())
 
     def _adopt(self, session: str) -> None:
         self.session = session
         self._strange.clear()
         self._adopted()
-        waiting, self._waiting = list(self._waiting), deque(maxlen=MOST_WAITING)
-        for event, take in waiting:
-            if event.session == session:
-                take(event)
+        waiting, self._waiting = self._waiting, {}
+        for events in waiting.values():
+            for event, take in events:
+                if event.session == session:
+                    take(event)
 
     def _is_strange(self, session: str, now_s: float) -> None:
         since_s = self._strange.setdefault(session, now_s)
