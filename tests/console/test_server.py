@@ -276,7 +276,7 @@ def test_a_token_of_one_s_own_comes_by_the_environment_or_a_private_file(tmp_pat
 @pytest.mark.parametrize(
     ("text", "mode", "words"),
     [
-        ("short", 0o600, "valid are 16 to 128 letters"),
+        ("tiny-one", 0o600, "valid are 16 to 128 letters"),
         ("sixteen letters!", 0o600, "valid are 16 to 128 letters"),
         (TOKEN, 0o644, "chmod 600"),
         (TOKEN, 0o620, "chmod 600"),
