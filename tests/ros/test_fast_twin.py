@@ -19,7 +19,7 @@ PLAN = Plan(rate_hz=200.0, seconds=1.0, goals=3, cancels=2, stops=1)
 def measured(tmp_path_factory, domain):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
-        yield running.run(PLAN, tmp_path_factory.mktemp("fast"), lambda what: None)
+        yield running.run(PLAN, tmp_path_factory.mktemp("fast"), (), lambda what: None)
 
 
 def test_every_figure_is_measured(measured):

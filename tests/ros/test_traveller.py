@@ -41,6 +41,14 @@ class Client:
         wait_until(sent.done, 10.0, "an answer to travel")
         return sent.result()
 
+    def click(self, x, y, frame="odom", age_s=0.0):
+        """A goal on goal_pose, stamped so long ago; None: not at all."""
+        goal = pose(x, y, frame)
+        if age_s is not None:
+            stamp_ns = self.operator.now_ns() - round(age_s * 1e9)
+            goal.header.stamp.sec, goal.header.stamp.nanosec = divmod(stamp_ns, 1_000_000_000)
+        self.goals.publish(goal)
+
     def end(self, handle):
         """The answer at its end."""
         future = handle.get_result_async()
@@ -114,15 +122,25 @@ def test_it_rolls_to_a_place_and_tells_how(armed):
     assert (there.success, there.rolls) == (True, 0)
 
 
+@pytest.mark.parametrize(
+    ("age_s", "why"), [(3600.0, "it was stamped 3600.0 s ago, valid is 2 s"), (None, "it has no stamp, valid is 2 s")]
+)
+def test_a_goal_of_a_recording_moves_nothing(armed, age_s, why):
+    began = armed.operator.now_ns()
+    armed.click(1.5, 0.0, age_s=age_s)
+    armed.traveller.says(f"goal_pose ignored: {why}", limit_s=20.0)
+    assert not armed.operator.wrote_since(began)
+
+
 def test_a_goal_pose_starts_a_travel_another_one_replaces_it_and_cancel_ends_it(armed):
-    armed.goals.publish(pose(1.5, 0.0))
+    armed.click(1.5, 0.0)
     armed.traveller.says("travel to 1.50, 0.00 m", limit_s=20.0)
     wait_until(lambda: armed.paths and armed.paths[-1] > 5, 20.0, "the way to a far goal")
     assert not armed.begin(0.2, 0.0).accepted, "one at a time"
-    armed.goals.publish(pose(-1.5, 0.0))
+    armed.click(-1.5, 0.0)
     armed.traveller.says("replaced by a new goal_pose", limit_s=60.0)
     armed.traveller.says("travel to -1.50, 0.00 m", limit_s=20.0)
-    armed.goals.publish(pose(0.0, 0.0, "map"))
+    armed.click(0.0, 0.0, "map")
     armed.traveller.says("goal_pose ignored: the goal is in frame 'map'", limit_s=10.0)
     armed.operator.trigger("stop")
     armed.traveller.says("travel failed: the bridge is in FAULT (stop pressed)", limit_s=30.0)

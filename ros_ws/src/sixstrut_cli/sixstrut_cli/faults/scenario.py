@@ -60,7 +60,7 @@ def expect(condition: object, what: str) -> None:
 _VOLATILE = (
     (re.compile(r"(?:/[\w.+-]+)+/(?=[\w.+-])"), ""),  # folders
     (re.compile(r"/dev/pts/\d+"), "pts"),
-    (re.compile(r"\b[0-9a-f]{16,64}\b"), "HASH"),
+    (re.compile(r"\bv?[0-9a-f]{16,64}\b"), "HASH"),
     (re.compile(r"[-+]?\d+(?:\.\d+)?"), "#"),
 )
 
