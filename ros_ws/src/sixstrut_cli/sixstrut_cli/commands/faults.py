@@ -11,7 +11,7 @@ import typer
 
 from sixstrut_cli.commands.options import DomainOption, JsonOption
 
-ROWS = range(1, 19)
+ROWS = range(1, 25)
 
 
 def command(

@@ -47,12 +47,12 @@ def board(answers: bool) -> Iterator[str]:
         os.close(near)
 
 
-def calibration_of(lab: Lab, robot: str, shift_us: int = 0) -> Path:
-    """A calibration of a robot: the virtual prototype's numbers, but for its name and its neutral pulses."""
+def calibration_of(lab: Lab, robot: str, stroke_mm: float) -> Path:
+    """A calibration of a robot: the virtual prototype's numbers, but for its name and how far its struts go."""
     from dataclasses import replace
 
     known = load_calibration()
-    struts = [replace(strut, trim_us=strut.trim_us + shift_us) for strut in known.struts]
+    struts = [replace(strut, stroke_mm=(-stroke_mm, stroke_mm)) for strut in known.struts]
     names = [f"S{number}" for number in range(1, 7)]
     path = lab.folder / f"{robot}.yaml"
     path.write_text(text_of(robot, known.mid_stroke_length_m, dict(zip(names, struts, strict=True)), ""), encoding="utf-8")
@@ -65,7 +65,7 @@ def silent_board(lab: Lab) -> Evidence:
     lab.use(STRUTS)
     lab.end_bridge()
     with board(answers=False) as port:
-        bridge = _bridge(lab, port, calibration_of(lab, "silent", 1))
+        bridge = _bridge(lab, port, calibration_of(lab, "silent", 48.0))
         evidence.says(lab.refused_arm(), "has never answered on", "silent_board:=true")
         bridge.signal(signal.SIGINT)
         bridge.ends()
@@ -78,12 +78,12 @@ def another_robot(lab: Lab) -> Evidence:
     operator = lab.use(STRUTS)
     lab.end_bridge()
     with board(answers=True) as port:
-        bridge = _bridge(lab, port, calibration_of(lab, "blue", 1))
+        bridge = _bridge(lab, port, calibration_of(lab, "blue", 48.0))
         answer = operator.call("bridge/arm", Arm.Request(holder="test", lifted_and_clear=True, confirmed_lengths_m=MID))
         expect(answer.success, f"a robot whose lengths are confirmed is not armed: {answer.message}")
         bridge.signal(signal.SIGINT)
         bridge.ends()
-        bridge = _bridge(lab, port, calibration_of(lab, "red", 3))
+        bridge = _bridge(lab, port, calibration_of(lab, "red", 47.0))
         evidence.says(lab.refused_arm(), "red", "confirm")
         bridge.signal(signal.SIGINT)
         bridge.ends()
