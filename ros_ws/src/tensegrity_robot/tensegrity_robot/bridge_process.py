@@ -27,6 +27,9 @@ from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
 COMMAND = (sys.executable, "-m", "tensegrity_robot.bridge_process")
 
+PRIORITY = -10
+"""Nice value, for who may set it (root, or a limit `nice` in /etc/security/limits.conf)."""
+
 STOPPED = "FAULT is latched until reset; if anything still moves, cut the servo supply"
 NOTHING_MOVES = "there is no open port, nothing can move"
 
@@ -43,6 +46,8 @@ class StopService(NamedTuple):
 def main() -> int:
     """Serve the connection whose number is the last word of the command line."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # at a terminal it reaches the whole group: the node says when this ends
+    with suppress(OSError):  # where the system permits it: frames and stop come before whatever else keeps the computer busy
+        os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
     connection = Connection(int(sys.argv[-1]))
     os.set_inheritable(connection.fileno(), False)
     os.environ.update(discovery_changes(os.environ, loopback_profile()))

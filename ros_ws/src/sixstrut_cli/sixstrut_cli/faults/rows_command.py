@@ -219,4 +219,5 @@ def spent_actuators(lab: Lab) -> Evidence:
     evidence.says(stalled.reason, "S4 stands", "it has stalled")
     lab.fault("clear")
     wait_until(lambda: operator.move((0.5, [*away[:5], 0.232]), lease=lease).success, 10.0, "motion with the strut free again")
+    lab.spoil()  # of another budget, nobody knows how much is spent
     return evidence

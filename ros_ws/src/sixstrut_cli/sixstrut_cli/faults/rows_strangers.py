@@ -24,6 +24,7 @@ from sixstrut_cli.faults.lab import ROLLING, STRUTS, Lab, stretched
 from sixstrut_cli.faults.processes import Process, wait_until
 from sixstrut_cli.faults.scenario import Evidence, expect
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent
+from tensegrity_interfaces.srv import Arm
 
 REAL_TIME = replace(STRUTS, time_scale=1.0)
 """Frames every 50 ms, as a real robot gets them."""
@@ -168,8 +169,20 @@ def second_bridge(lab: Lab) -> Evidence:
         second = lab.processes.start("hardware_bridge", port=str(link), state_folder=str(state))
         expect(second.ends(60.0) == 1, f"the second bridge goes on: {second.output}")
         evidence.says(re.sub(r"^.*(another bridge)", r"\1", second.output.splitlines()[-1]), "answers to the same names")
-        lease = lab.arm()
-        expect(operator.move((2.0, stretched(1, 0.01)), lease=lease).success, "the first bridge was disturbed")
+        other.kill()
+        wait_until(lambda: _armed(lab), 10.0, "the first bridge, armed once the other one is silent")
+        expect(operator.move((2.0, stretched(1, 0.01)), lease=operator.lease).success, "the first bridge was disturbed")
     finally:
         other.kill()
     return evidence
+
+
+def _armed(lab: Lab) -> bool:
+    """Tries to arm the bridge itself; whether it is."""
+    operator = lab.operator
+    answer = operator.call("bridge/arm", Arm.Request(holder="operator", lifted_and_clear=True))
+    if not answer.success:
+        return False
+    operator.lease = answer.lease
+    operator.sees(BridgeState.ARMED)
+    return True
