@@ -139,9 +139,9 @@ def slow_link(lab: Lab) -> Evidence:
     lab.fault("delay", TO_BOARD, seconds=8.0)  # of robot time: a second of ours
     wait_until(lambda: int(operator.diagnosis("frames").get("congested periods", 0)) > 0, 15.0, "frames held back")
     frames = operator.diagnostics["hardware_bridge: frames"]
+    wait_until(lambda: float(operator.diagnosis("link")["latency of replies, largest [ms]"]) > 500.0, 10.0, "a late reply told")
     lab.fault("clear")
     expect(operator.end(motion).result.success, "the motion did not go on with the link")
-    wait_until(lambda: float(operator.diagnosis("link")["latency of replies, largest [ms]"]) > 500.0, 10.0, "a late reply told")
     link = operator.diagnosis("link")
     evidence.says(f"/diagnostics, frames: {frames.message}", "held back because the link was slow")
     evidence.figures = {
