@@ -136,7 +136,7 @@ def slow_link(lab: Lab) -> Evidence:
     lease = lab.arm()
     motion = operator.begin_motion((16.0, stretched(1, 0.04)), lease=lease)
     operator.moves(motion, 0.002)
-    lab.fault("delay", TO_BOARD, seconds=8.0)  # of robot time: a second of ours
+    lab.fault("delay", TO_BOARD, seconds=6.0)  # of robot time: 0.75 s of ours, late but before the next question
     wait_until(lambda: int(operator.diagnosis("frames").get("congested periods", 0)) > 0, 15.0, "frames held back")
     frames = operator.diagnostics["hardware_bridge: frames"]
     wait_until(lambda: float(operator.diagnosis("link")["latency of replies, largest [ms]"]) > 500.0, 10.0, "a late reply told")
