@@ -136,6 +136,12 @@ def test_its_keys_work_in_the_page_and_while_the_connection_is_lost(standing, op
     before = standing.asked().count("stop")
     page.keyboard.press(key)
     wait_until(lambda: standing.asked().count("stop") > before, 20.0, "the stop")
+    standing.process.signal(signal.SIGSTOP)
+    page.wait_for_selector("#lost:visible")
+    before = standing.asked().count("stop")
+    page.keyboard.press(key)
+    standing.process.signal(signal.SIGCONT)
+    wait_until(lambda: standing.asked().count("stop") > before, 20.0, "the stop that was asked for while nobody answered")
 
 
 def test_it_is_taken_however_much_else_is_asked(standing, opened):

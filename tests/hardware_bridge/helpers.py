@@ -7,7 +7,7 @@ import os
 import threading
 import time
 import tty
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import numpy as np
 
@@ -73,6 +73,25 @@ class Wire:
             self._open = False
             os.close(self._near)
             os.close(self._far)
+
+
+@contextlib.contextmanager
+def attended(answers: bool) -> Iterator[Wire]:
+    """A wire whose far end is attended to while the block lasts; ``answers`` can be changed meanwhile."""
+    wire, ended = Wire(answers), threading.Event()
+
+    def live() -> None:
+        while not ended.wait(0.002):
+            wire.listen()
+
+    thread = threading.Thread(target=live)
+    thread.start()
+    try:
+        yield wire
+    finally:
+        ended.set()
+        thread.join()
+        wire.cut()
 
 
 class StillBody:

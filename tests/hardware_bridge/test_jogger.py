@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from hardware_bridge.limits import Limits
 from hardware_bridge.port_lock import lock_port
 from hardware_bridge.records import Records
 from hardware_bridge.transport import SerialTransport
-from tests.hardware_bridge.helpers import Wire, wait_for
+from tests.hardware_bridge.helpers import Wire, attended, wait_for
 
 BLUE = Identity("blue", "", "lsc")
 LIMITS = Limits()
@@ -37,18 +36,8 @@ def make(wire: Wire, folder: Path, limits: Limits = LIMITS, silent_board: bool =
 @pytest.fixture
 def answering() -> Iterator[Wire]:
     """A board that answers, as long as the test lasts."""
-    wire, ended = Wire(answers=True), threading.Event()
-
-    def live() -> None:
-        while not ended.wait(0.002):
-            wire.listen()
-
-    thread = threading.Thread(target=live)
-    thread.start()
-    yield wire
-    ended.set()
-    thread.join()
-    wire.cut()
+    with attended(answers=True) as wire:
+        yield wire
 
 
 def pulses(wire: Wire, count: int) -> list[tuple[int, int]]:

@@ -18,7 +18,7 @@ from hardware_bridge.errors import BoardSilent, FaultLatched, NotClear
 from hardware_bridge.link import FIRST_ANSWER_LIMIT_S
 from hardware_bridge.protocol import Mode
 from hardware_bridge.virtual_prototype.boards import emulate
-from tests.hardware_bridge.helpers import MID, Wire, wait_for
+from tests.hardware_bridge.helpers import MID, Wire, attended, wait_for
 from tests.hardware_bridge.test_bridge import armed
 from tests.hardware_bridge.test_registry import SPECS
 
@@ -28,18 +28,8 @@ Make = Callable[..., Bridge]
 @pytest.fixture
 def answering() -> Iterator[Wire]:
     """A board that can be told to answer, as long as the test lasts."""
-    wire, ended = Wire(), threading.Event()
-
-    def live() -> None:
-        while not ended.wait(0.005):
-            wire.listen()
-
-    thread = threading.Thread(target=live)
-    thread.start()
-    yield wire
-    ended.set()
-    thread.join()
-    wire.cut()
+    with attended(answers=False) as wire:
+        yield wire
 
 
 def bytes_of(wire: Wire) -> bytes:

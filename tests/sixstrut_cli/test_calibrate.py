@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import threading
 
 import pytest
 
@@ -14,7 +13,7 @@ from hardware_bridge.duty_record import DutyRecord
 from hardware_bridge.identity import Identity
 from hardware_bridge.last_pulses import LastPulses
 from hardware_bridge.limits import Limits
-from tests.hardware_bridge.helpers import Wire
+from tests.hardware_bridge.helpers import Wire, attended
 from tests.sixstrut_cli.terminal import CTRL_C, DOWN, ENTER, LEFT, PAGE_DOWN, PAGE_UP, RIGHT, UP, Terminal
 
 NAMED = ("--robot", "blue one")
@@ -32,18 +31,8 @@ def wire():
 @pytest.fixture
 def answering():
     """A board that answers, as long as the test lasts."""
-    wire, ended = Wire(answers=True), threading.Event()
-
-    def live():
-        while not ended.wait(0.005):
-            wire.listen()
-
-    thread = threading.Thread(target=live)
-    thread.start()
-    yield wire
-    ended.set()
-    thread.join()
-    wire.cut()
+    with attended(answers=True) as wire:
+        yield wire
 
 
 @pytest.fixture
