@@ -307,9 +307,3 @@ class RemoteBridge:
         return Progress(
             fraction, handle.sent_s, handle.duration_s, self.snapshot().lengths_m if newest is None else newest.lengths_m
         )
-
-
-def serve_connection(descriptor: int) -> Connection:
-    """The host's end of the connection, from the number that the process was started with."""
-    os.set_inheritable(descriptor, False)
-    return Connection(descriptor)

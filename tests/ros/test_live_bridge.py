@@ -81,6 +81,15 @@ def test_a_bridge_that_starts_again_is_followed_once_the_old_one_is_silent(liste
     assert (listener.taken, listener.adopted, listener.told) == (["TO5"], 2, [])
 
 
+def test_a_bridge_that_gets_its_port_is_followed_at_once(listener):
+    assert listener.hears("")
+    listener.clock_s += 0.1
+    assert listener.hears("a")
+    assert (listener.live.session, listener.told) == ("a", [])
+    listener.clock_s += 0.1
+    assert not listener.hears(""), "another bridge, without a port"
+
+
 def test_faces_that_came_before_any_state_are_not_lost(listener):
     listener.sees("TC1", "old")
     listener.sees("TC6", "a")

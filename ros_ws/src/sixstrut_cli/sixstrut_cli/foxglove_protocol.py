@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 import tornado.ioloop
 
 from hardware_bridge.text import printable
-from sixstrut_cli.guarded import LOOPBACK, MOST_UNSENT, Gate, GuardedSocket, Pace, address, listening, own_page
+from sixstrut_cli.guarded import LOOPBACK, MOST_UNSENT, Gate, GuardedSocket, RateLimit, address, listening, own_page
 
 ENCODING = "cdr"
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
@@ -83,7 +83,7 @@ class _App(GuardedSocket):
         self.watched: dict[int, int] = {}
         self._own: dict[int, tuple[str, str, str]] = {}
         self._calls: set[asyncio.Task[None]] = set()
-        self._pace = Pace(SAID_AT_ONCE, SAID_PER_S)
+        self._pace = RateLimit(SAID_AT_ONCE, SAID_PER_S)
 
     @property
     def max_message_size(self) -> int:

@@ -199,7 +199,7 @@ class GuardedSocket(tornado.websocket.WebSocketHandler, Guarded):
         written.add_done_callback(over)
 
 
-class Pace:
+class RateLimit:
     """How often something may happen: so many at once, and so many a second."""
 
     def __init__(self, at_once: float, per_s: float):

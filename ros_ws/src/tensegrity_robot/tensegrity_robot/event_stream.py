@@ -13,10 +13,11 @@ from typing import NamedTuple
 
 from hardware_bridge.text import printable
 from sim_core.follow import Event, Observed, Order, Pace, Sent, impossible
+from tensegrity_robot.live_bridge import FRESH_S
 
 SILENT_NS = 2_000_000_000
 """A stream of which nothing came for so long may be replaced by another one; a heartbeat comes every 50 ms of robot time."""
-FRESH_NS = 2_000_000_000
+FRESH_NS = round(FRESH_S * 1e9)
 """An event whose stamp is older was played from a recording, or its bridge's clock is wrong."""
 MOST_FACES = 50
 MOST_WAITING = 20_000

@@ -223,11 +223,7 @@ class GaitPlannerNode(Node):
 
     def _view(self) -> View:
         newest = self._twin_newest
-        if (
-            newest is not None
-            and newest.session in ("", self._live.session)
-            and self._events.has(newest.last_seq, newest.robot_time_ns)
-        ):
+        if newest is not None and newest.session == self._live.session and self._events.has(newest.last_seq, newest.robot_time_ns):
             self._twin = newest  # it follows this bridge, and no further than we know ourselves
         sent, twin, seen = self._sent, self._twin, self._observed
         return View(

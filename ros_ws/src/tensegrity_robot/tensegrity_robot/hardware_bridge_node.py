@@ -39,7 +39,6 @@ from tensegrity_robot.bridge_diagnostics import LogFacts
 from tensegrity_robot.bridge_parameters import BridgeParameters, rules_of, session_files
 from tensegrity_robot.bridge_process import COMMAND, StopService
 from tensegrity_robot.errors import StartError
-from tensegrity_robot.filters import EventTimes
 from tensegrity_robot.log_watch import LogWatch
 from tensegrity_robot.motion_conditions import MotionConditions
 from tensegrity_robot.motion_server import MotionServer
@@ -88,7 +87,6 @@ class HardwareBridgeNode(LifecycleNode):
         self._session = ""
         self._conditions: MotionConditions | None = None
         self._shape_rule: ShapeRule | None = None
-        self._times = EventTimes()
         self._active = False
         self._failure: BridgeError | None = None
         self._latched = ""
@@ -234,7 +232,6 @@ class HardwareBridgeNode(LifecycleNode):
             self._shape_rule = ShapeRule(p.prototype_file, p.slack_limit)
         rules = rules_of(p, self._shape_rule)
         attachments, facts = session_files(p) if p.record else ({}, {})
-        self._times = EventTimes()
         self._topics.log = SessionLog(self._on_log_fault) if p.record else None
         self._bridge = None
         bridge = self._host.open(
@@ -278,6 +275,7 @@ class HardwareBridgeNode(LifecycleNode):
             self.get_logger().warning(NAMELESS.format(p.calibration or "its own calibration"))
         if bridge.board_timeout_s is not None and not snapshot.virtual_port:
             self.get_logger().info(SET_ON_THE_BOARD.format(bridge.board_timeout_s))
+        self._tell_state(snapshot)  # with its bag
         self._publish_diagnostics()
 
     def _close_bridge(self) -> None:
@@ -308,12 +306,10 @@ class HardwareBridgeNode(LifecycleNode):
         header = Header(stamp=messages.stamp(event.wall_ns), frame_id=self._settings.frame)
         self._topics.publish(self._sent, bridge_messages.struts_sent(event, header))
         self._topics.publish(self._joint_states, messages.joint_states(header.stamp, np.array(event.lengths_m)))
-        self._times.add(event.seq, event.robot_time_ns)
         self._observing.heard(event)
 
     def _on_bridge_face(self, event: FaceEvent) -> None:
         header = Header(stamp=messages.stamp(event.wall_ns), frame_id=self._settings.frame)
-        self._times.add(event.seq, event.robot_time_ns)
         self._topics.publish(self._face, bridge_messages.face_observation(event, header))
 
     def _on_bridge_state(self, snapshot: Snapshot) -> None:
@@ -358,10 +354,8 @@ class HardwareBridgeNode(LifecycleNode):
     # ---- publishing -------------------------------------------------------------------------------------------------
 
     def _follows_this_stream(self, data: bytes) -> bool:
-        """Not the state of a twin that still stands where an earlier bridge's stream ended: its numbers mean other events."""
-        state = deserialize_message(data, TwinState)
-        ours = self._bridge is None or state.session in ("", self._session)
-        return ours and self._times.has(state.last_seq, state.robot_time_ns)
+        """Not the state of a twin that still stands where another bridge's stream ended: its numbers mean other events."""
+        return bool(deserialize_message(data, TwinState).session == self._session)
 
     def _tell_state(self, snapshot: Snapshot) -> None:
         stamp = self.get_clock().now().to_msg()

@@ -70,7 +70,7 @@ class LiveBridge:
             self._tell(f"bridge states {old:.0f} s old are ignored: a recording is played here, or clocks differ")
             return False
         if state.session != self.session:
-            if self.session is not None and now_s - self._heard_s < SILENT_S:
+            if self.session and now_s - self._heard_s < SILENT_S:  # a bridge without a port has none yet: it may get one
                 self._is_strange(state.session, now_s)
                 return False
             self._adopt(state.session)

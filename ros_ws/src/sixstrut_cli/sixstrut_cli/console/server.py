@@ -21,7 +21,7 @@ from websockets.typing import Subprotocol
 
 from sixstrut_cli.console.facts import Page
 from sixstrut_cli.console.view_messages import LONGEST, Camera, Click, for_viser, said
-from sixstrut_cli.guarded import LOOPBACK, Gate, Guarded, GuardedSocket, Pace, address, listening
+from sixstrut_cli.guarded import LOOPBACK, Gate, Guarded, GuardedSocket, RateLimit, address, listening
 
 PAGE = Path(__file__).parent / "page"
 MOST_SCENE_BYTES = 50 * 1024 * 1024
@@ -84,7 +84,7 @@ class _Link(GuardedSocket):
 
     def initialize(self, server: Server) -> None:
         self.server = server
-        self._pace = Pace(ORDERS_AT_ONCE, ORDERS_PER_S)
+        self._pace = RateLimit(ORDERS_AT_ONCE, ORDERS_PER_S)
 
     @property
     def max_message_size(self) -> int:
@@ -121,7 +121,7 @@ class _SceneSocket(GuardedSocket):
 
     def initialize(self, server: Server) -> None:
         self.server = server
-        self._cameras, self._clicks = Pace(CAMERAS_PER_S, CAMERAS_PER_S), Pace(CLICKS_PER_S, CLICKS_PER_S)
+        self._cameras, self._clicks = RateLimit(CAMERAS_PER_S, CAMERAS_PER_S), RateLimit(CLICKS_PER_S, CLICKS_PER_S)
         self._viser: websockets.asyncio.client.ClientConnection | None = None
         self._link: _Link | None = None
 

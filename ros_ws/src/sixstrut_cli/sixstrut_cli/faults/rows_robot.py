@@ -8,13 +8,14 @@ import threading
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from hardware_bridge.calibration import load_calibration
 from hardware_bridge.calibration_file import text_of
 from hardware_bridge.codecs.lsc import CMD_BATTERY, FrameDecoder, encode_battery_reply
 from sixstrut_cli.faults.lab import MID, STRUTS, Lab
-from sixstrut_cli.faults.processes import Process, wait_until
+from sixstrut_cli.faults.processes import wait_until
 from sixstrut_cli.faults.scenario import Evidence, expect
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
@@ -49,8 +50,6 @@ def board(answers: bool) -> Iterator[str]:
 
 def calibration_of(lab: Lab, robot: str, stroke_mm: float) -> Path:
     """A calibration of a robot: the virtual prototype's numbers, but for its name and how far its struts go."""
-    from dataclasses import replace
-
     known = load_calibration()
     struts = [replace(strut, stroke_mm=(-stroke_mm, stroke_mm)) for strut in known.struts]
     names = [f"S{number}" for number in range(1, 7)]
@@ -64,11 +63,8 @@ def silent_board(lab: Lab) -> Evidence:
     evidence = Evidence()
     lab.use(STRUTS)
     lab.end_bridge()
-    with board(answers=False) as port:
-        bridge = _bridge(lab, port, calibration_of(lab, "silent", 48.0))
+    with board(answers=False) as port, bridge_at(lab, port, calibration_of(lab, "silent", 48.0)):
         evidence.says(lab.refused_arm(), "has never answered on", "silent_board:=true")
-        bridge.signal(signal.SIGINT)
-        bridge.ends()
     return evidence
 
 
@@ -78,15 +74,11 @@ def another_robot(lab: Lab) -> Evidence:
     operator = lab.use(STRUTS)
     lab.end_bridge()
     with board(answers=True) as port:
-        bridge = _bridge(lab, port, calibration_of(lab, "blue", 48.0))
-        answer = operator.call("bridge/arm", Arm.Request(holder="test", lifted_and_clear=True, confirmed_lengths_m=MID))
-        expect(answer.success, f"a robot whose lengths are confirmed is not armed: {answer.message}")
-        bridge.signal(signal.SIGINT)
-        bridge.ends()
-        bridge = _bridge(lab, port, calibration_of(lab, "red", 47.0))
-        evidence.says(lab.refused_arm(), "red", "confirm")
-        bridge.signal(signal.SIGINT)
-        bridge.ends()
+        with bridge_at(lab, port, calibration_of(lab, "blue", 48.0)):
+            answer = operator.call("bridge/arm", Arm.Request(holder="test", lifted_and_clear=True, confirmed_lengths_m=MID))
+            expect(answer.success, f"a robot whose lengths are confirmed is not armed: {answer.message}")
+        with bridge_at(lab, port, calibration_of(lab, "red", 47.0)):
+            evidence.says(lab.refused_arm(), "red", "confirm")
     return evidence
 
 
@@ -114,11 +106,15 @@ def damaged_journal(lab: Lab) -> Evidence:
     return evidence
 
 
-def _bridge(lab: Lab, port: str, calibration: Path) -> Process:
+@contextmanager
+def bridge_at(lab: Lab, port: str, calibration: Path) -> Iterator[None]:
+    """A bridge at a port of its own, in place of the lab's, while the block lasts."""
     operator = lab.operator
     operator.bridge = None
     bridge = lab.processes.start("hardware_bridge", port=port, calibration=str(calibration))
     bridge.says("DISARMED, nothing moves")
     wait_until(lambda: operator.bridge is not None and operator.bridge.port == port, 30.0, "the bridge at the other port")
     expect(operator.bridge.state == BridgeState.DISARMED, "it is not disarmed")
-    return bridge
+    yield
+    bridge.signal(signal.SIGINT)
+    bridge.ends()

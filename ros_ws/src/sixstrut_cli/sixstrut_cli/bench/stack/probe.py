@@ -126,6 +126,7 @@ class Probe:
     def meet_stack(self) -> None:
         """Until the bridge's port is open and the twin follows its events."""
         self.wait(lambda: self.bridge is not None and self.bridge.link_ok, "the bridge's link", START_LIMIT_S)
+        self.wait(lambda: self.bridge.bag, "the bridge's bag", START_LIMIT_S)
         self.wait(lambda: self.twin is not None and self.twin.last_seq > 0, "a twin that follows", START_LIMIT_S)
         self.wait(lambda: self.ticks, "the twin's joint states", START_LIMIT_S)
         self.wait(self._struts.server_is_ready, "the bridge's action execute_struts", START_LIMIT_S)
