@@ -18,6 +18,7 @@ from sixstrut_cli.console import running
 from sixstrut_cli.console.facts import Facts
 
 BEAT_S = 0.2
+KEYS = [["y", "yes"], ["n", "no"]]
 NEIGHBOURS = ("TO5", "TO7", "TO9")
 
 
@@ -34,7 +35,7 @@ def told():
         link_ok=True,
         lengths_m=np.full(6, 0.234),
         rehearsal={"source": "TC6", "ensemble": "", "seconds": 0.1, "gaits": gaits},
-        trial={"question": "Does it stand?", "keys": "y yes   n no", "panel": "the-newest", "done": 0, "total": 2, "phase": ""},
+        trial={"question": "Does it stand?", "keys": KEYS, "panel": "the-newest", "done": 0, "total": 2, "phase": ""},
     )
 
 

@@ -38,7 +38,7 @@ def told(remote, operator):
 
     def shown(**changes):
         remote.show(Shown(**changes))
-        wait_until(lambda: panels and changes.items() <= panels[-1].items(), 10.0, "the panel")
+        wait_until(lambda: panels and json.loads(json.dumps(changes)).items() <= panels[-1].items(), 10.0, "the panel")
         return panels[-1]["panel"]
 
     return panels, shown, lambda text: publisher.publish(String(data=text))
@@ -53,7 +53,7 @@ def test_keys_come_from_either_side(remote, told):
     assert keys.poll() is None
     os.write(theirs, b"v")
     assert keys.next() == "v"
-    panel = shown(question="Does it stand?", keys="y yes")
+    panel = shown(question="Does it stand?", keys=(("y", "yes"),))
     for key in ("rm -rf", "", "x"):
         press(key_text(key, panel))
     press(key_text("y", panel))
@@ -69,16 +69,16 @@ def test_a_key_answers_one_panel_once(remote, told, capfd):
     """What a played bag, an older page, or a finger that was too quick says is nothing, and one warning tells of it."""
     _, shown, press = told
     keys = Keys(remote.keys_from)
-    old = shown(question="Does it stand on TO5?", keys="y yes")
-    assert shown(question="Does it stand on TO5?", keys="y yes", left_s=3.0) == old, "the same question"
-    new = shown(question="Does it stand on TO7?", keys="y yes")
+    old = shown(question="Does it stand on TO5?", keys=(("y", "yes"),))
+    assert shown(question="Does it stand on TO5?", keys=(("y", "yes"),), left_s=3.0) == old, "the same question"
+    new = shown(question="Does it stand on TO7?", keys=(("y", "yes"),))
     assert new != old
     nameless = ('{"key": "y"}', '{"panel": "", "key": "n"}', '{"panel": 1, "key": "n"}')
     strange = ("y", "", "{", "[" * 150, "null", *nameless, "x" * 10_000)
     for text in (*strange, key_text("n", old), key_text("n", "another session's"), key_text("y", new), key_text("n", new)):
         press(text)
     assert keys.next() == "y"
-    last = shown(question="Why?", keys="1 touched")
+    last = shown(question="Why?", keys=(("1", "touched"),))
     press(key_text("n", new))
     press(key_text("1", last))
     assert keys.next() == "1"
@@ -98,7 +98,7 @@ def test_the_panel_is_shown_elsewhere_and_gone_with_the_session(domain, operator
     remote = Remote()
     panel = Mirrored(Lines("virtual trials"), remote)
     with panel:
-        panel.show(source="TC6", target="TO5", question="Does it stand on TO5?", keys="y yes: success")
+        panel.show(source="TC6", target="TO5", question="Does it stand on TO5?", keys=(("y", "yes: success"),))
     wait_until(lambda: told, 10.0, "the panel")
     assert json.loads(told[-1])["question"] == "Does it stand on TO5?"
     remote.close()

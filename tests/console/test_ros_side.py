@@ -2,8 +2,11 @@
 
 import json
 import math
+from queue import Queue
 
 import pytest
+from rclpy.task import Future
+from std_srvs.srv import Trigger
 
 from sixstrut_cli.console.facts import Selection, document_of
 
@@ -58,9 +61,9 @@ def test_what_anybody_may_publish_neither_blinds_nor_fools_a_page(ros_side, oper
     wait_until(lambda: facts.goal_m is None, WAIT_S, "a goal that is none")
 
     panel.publish(String(data=json.dumps({"question": "x" * 2_000_000})))
-    panel.publish(String(data='{"question": "\\u001b[2Jgo?", "done": NaN, "keys": ["y"]}'))
+    panel.publish(String(data='{"question": "\\u001b[2Jgo?", "done": NaN, "keys": [["y", "yes: \\u001b[2Jsuccess"], "n"]}'))
     wait_until(lambda: facts.trial, WAIT_S, "the panel")
-    assert facts.trial == {"question": "[2Jgo?", "done": None, "keys": None}
+    assert facts.trial == {"question": "[2Jgo?", "done": None, "keys": [["y", "yes: [2Jsuccess"]]}
 
     reason, holder = "\x1b]0;x\x07" + "r" * 10_000, "me\r\n" * 1000
     told = BridgeState(state="AR\x1bMED", reason=reason, lease_holder=holder, duty_left_s=math.nan)
@@ -71,3 +74,33 @@ def test_what_anybody_may_publish_neither_blinds_nor_fools_a_page(ros_side, oper
     assert len(facts.reason) <= 300
     assert len(facts.holder) <= 64
     json.dumps(document_of(facts, Selection(), 0.0), allow_nan=False)
+
+
+class Losing:
+    """A client whose first requests are lost, as those to a server that has not met it yet; DDS loses them by chance alone."""
+
+    def __init__(self, lost):
+        self.futures, self._lost = [], lost
+
+    def service_is_ready(self):
+        return True
+
+    def call_async(self, request):
+        self.futures.append(Future())
+        if len(self.futures) > self._lost:
+            self.futures[-1].set_result(Trigger.Response(success=True))
+        return self.futures[-1]
+
+
+def test_a_stop_that_was_lost_is_asked_again_and_silence_is_told(ros_side):
+    told = Queue()
+    ros_side._stop = Losing(2)
+    ros_side.stop(lambda done, words: told.put((done, words)))
+    done, words = told.get(timeout=WAIT_S)
+    assert done, words
+    assert len(ros_side._stop.futures) == 3
+    ros_side._stop = Losing(10**6)
+    ros_side.stop(lambda done, words: told.put((done, words)))
+    assert told.get(timeout=WAIT_S) == (False, "NOT STOPPED: the bridge has not answered for 1 s; use the power switch")
+    assert len(ros_side._stop.futures) > 1
+    assert told.empty()

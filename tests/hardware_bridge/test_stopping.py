@@ -103,7 +103,7 @@ def test_at_any_moment_of_any_motion_stop_is_where_the_board_is(spec: str, baud:
             rig.tick(0.05)
     at_us = rig.stop(data.draw(st.floats(0.0, 0.06)))
     assert (rig.run_on(rig.lines.now_s) <= limit_us).all()
-    assert rig.kept.pulses_us == rig.sent[-1].pulses_us == rig.engine.state.pulses_us
+    assert rig.kept.pulses.pulses_us == rig.sent[-1].pulses_us == rig.engine.state.pulses_us
     if not baud:
         assert (rig.run_on(rig.lines.now_s) <= 0.51).all()
         assert np.abs(np.array(rig.sent[-1].pulses_us) - at_us).max() <= 0.51
@@ -246,7 +246,7 @@ def test_a_full_disk_does_not_keep_a_hold_back(tmp_path: Path, monkeypatch: pyte
     def full(*_: object, **__: object) -> None:
         raise StateFileError("last.json", "no space left")
 
-    monkeypatch.setattr(rig.kept, "save", full)
+    monkeypatch.setattr(rig.kept.pulses, "save", full)
     rig.tick(0.05)
     assert rig.engine.state.mode is Mode.FAULT
     assert "no space left" in rig.engine.state.reason

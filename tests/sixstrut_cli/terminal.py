@@ -76,6 +76,17 @@ class Terminal:
                 time.sleep(0.01)
         return self._code
 
+    def leaves(self, limit_s: float = LIMIT_S) -> int:
+        """Its exit code, after Ctrl-C. Again if nothing comes of it: it is lost while `input` begins."""
+        end = time.monotonic() + limit_s
+        while time.monotonic() < end:
+            self.press(CTRL_C)
+            try:
+                return self.ends(2.0)
+            except (AssertionError, OSError):
+                continue
+        return self.ends(1.0)
+
     def close(self) -> None:
         """Ends it, if it runs."""
         if self._code is None:

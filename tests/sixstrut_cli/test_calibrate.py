@@ -14,7 +14,7 @@ from hardware_bridge.identity import Identity
 from hardware_bridge.last_pulses import LastPulses
 from hardware_bridge.limits import Limits
 from tests.hardware_bridge.helpers import Wire, attended
-from tests.sixstrut_cli.terminal import CTRL_C, DOWN, ENTER, LEFT, PAGE_DOWN, PAGE_UP, RIGHT, UP, Terminal
+from tests.sixstrut_cli.terminal import DOWN, ENTER, LEFT, PAGE_DOWN, PAGE_UP, RIGHT, UP, Terminal
 
 NAMED = ("--robot", "blue one")
 WORDS = ("--virtual", "--time-scale", "6", *NAMED)
@@ -91,9 +91,8 @@ def test_a_person_walks_through_six_struts_leaves_and_comes_back(sit_down, tmp_p
     person.press(ENTER)
     strut(person, "S1")
     person.says("S2, strut 2 of 6")
-    person.press(CTRL_C)
+    assert person.leaves() == 130
     person.says("Left. What is done is kept; go on with the same command")
-    assert person.ends() == 130
     assert not (tmp_path / "mine.yaml").exists()
     assert list(Unfinished(tmp_path / "mine.yaml").struts) == ["S1"]
 
@@ -124,8 +123,7 @@ def test_the_other_boards_are_walked_the_same_way(sit_down, tmp_path, board):
     person.press(ENTER)
     strut(person, "S1")
     person.says("S2, strut 2 of 6")
-    person.press(CTRL_C)
-    assert person.ends() == 130
+    assert person.leaves() == 130
     (measured,) = Unfinished(tmp_path / "mine.yaml").struts.values()
     assert measured.us_per_mm == pytest.approx(10.0, rel=0.06)
     assert measured.pulse_us == (1150, 1900)
@@ -159,8 +157,7 @@ def test_readings_that_make_no_sense_begin_the_strut_again(sit_down):
     person.says("the ends must be 10 mm or more apart; measure again")
     person.says("Once more, S1 from the start.")
     person.says("Channel of S1")
-    person.press(CTRL_C)
-    assert person.ends() == 130
+    assert person.leaves() == 130
 
 
 def test_without_a_terminal_it_says_so():
@@ -196,8 +193,7 @@ def test_a_real_board_that_nobody_knows_is_asked_about_and_its_robot_is_known_af
     person.says("all is clear")
     person.press(ENTER)
     person.says("r to see it again")
-    person.press(CTRL_C)
-    assert person.ends() == 130
+    assert person.leaves() == 130
     blue = Identity("blue one", "", "lsc")
     assert LastPulses(tmp_path / "state", blue).load([1]) == (1550,)
     used_s = DutyRecord(tmp_path / "state", blue, Limits()).load(0.0, 1.0).used_s(0.0, Limits())
@@ -208,8 +204,7 @@ def test_a_real_board_that_nobody_knows_is_asked_about_and_its_robot_is_known_af
     person.says("Channel of S1")
     person.press(ENTER)
     person.says("It now goes to 1550 us, where it was last sent")
-    person.press(CTRL_C)
-    assert person.ends() == 130
+    assert person.leaves() == 130
 
 
 def test_a_silent_board_is_not_moved_without_the_word(sit_down, wire):

@@ -96,7 +96,7 @@ def test_a_roll_that_does_not_work_exits_4_and_says_why():
         (("travel",), 2, "give a place such as 0.6,0.3"),
         (("travel", "there"), 2, "valid is a face such as TC1, or a place"),
         (("travel", "1,0", "--from-face", "TX"), 1, "unknown face 'TX'"),
-        (("console", "--token", "a&b"), 1, "8 or more letters, digits"),
+        (("console", "--token", "a&b"), 1, "every user of this machine sees --token: choose another secret"),
         (("fly",), 2, "fly"),
     ],
 )

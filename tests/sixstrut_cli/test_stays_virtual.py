@@ -20,7 +20,7 @@ from sixstrut_cli.faults.client import Operator
 from sixstrut_cli.faults.processes import Process, Processes, wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tests.ros.conftest import compiled, domain
-from tests.sixstrut_cli.terminal import CTRL_C, ENTER, Terminal
+from tests.sixstrut_cli.terminal import ENTER, Terminal
 
 __all__ = ["compiled", "domain"]
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
@@ -179,14 +179,15 @@ def own_domain(command: Process) -> int:
 
 
 def test_practising_to_calibrate(lab: Lab) -> None:
-    words = ("calibrate", str(lab.folder / "practice.yaml"), "--virtual", "--time-scale", "6")
+    words = ("calibrate", str(lab.folder / "practice.yaml"), "--virtual", "--time-scale", "6", "--robot", "practice")
     environ = {"ROS_DOMAIN_ID": str(lab.domain), "SIXSTRUT_STATE_DIR": str(lab.folder / "state")}
     person = Terminal(*words, environ=environ, folder=lab.folder)
     try:
-        for said, key in (("in mm [234]:", ENTER), ("[1]:", ENTER), ("all is clear", ENTER), ("got longer", CTRL_C)):
+        for said in ("in mm [234]:", "[1]:", "all is clear"):
             person.says(said)
-            person.press(key)
-        assert person.ends() == 130
+            person.press(ENTER)
+        person.says("got longer")
+        assert person.leaves() == 130
     finally:
         person.close()
     lab.was_left_alone()

@@ -38,7 +38,7 @@ from tensegrity_robot.cdr import wire_bytes
 from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
 GOAL = "goal_pose"
-STOP = "stop"
+STOP, STOP_AGAIN_S = "stop", 0.25
 COMMANDS: dict[str, Any] = {"reset": Trigger, "arm": Arm, "disarm": Disarm}
 HIDDEN = "/_"
 """Of an action's inner topics."""
@@ -204,7 +204,8 @@ class FoxgloveServer:
                 await asyncio.sleep(AGAIN_S)
             empty = not kind.Request.get_fields_and_field_types()  # an app sends no byte for it, ROS expects one
             asked = kind.Request() if empty else deserialize_message(payload, kind.Request)
-            return _without_lease(await _answered(client, asked, full_name, limit_s))
+            again_s = STOP_AGAIN_S if name == STOP else limit_s
+            return _without_lease(await _answered(client, asked, full_name, limit_s, again_s))
 
         return Service(full_name, type_name, request, response, call, urgent=name == STOP)
 
@@ -232,17 +233,22 @@ class FoxgloveServer:
         return ""
 
 
-async def _answered(client: Any, asked: Any, name: str, limit_s: float) -> Any:
-    """A service's response. Raises RuntimeError."""
+async def _answered(client: Any, asked: Any, name: str, limit_s: float, again_s: float) -> Any:
+    """A service's response, asked for every `again_s`: a request to a server not met yet is lost. Raises RuntimeError."""
     loop = asyncio.get_running_loop()
     answer: asyncio.Future[Any] = loop.create_future()
-    future = client.call_async(asked)
-    future.add_done_callback(lambda done: loop.call_soon_threadsafe(_settle, answer, done))
-    try:
-        return await asyncio.wait_for(answer, limit_s)
-    except TimeoutError as error:
-        client.remove_pending_request(future)
-        raise RuntimeError(f"{name} did not answer within {limit_s:g} s") from error
+    futures: list[Any] = []
+    end_s = loop.time() + limit_s
+    while not answer.done() and (left_s := end_s - loop.time()) > 0.0:
+        futures.append(client.call_async(asked))
+        futures[-1].add_done_callback(lambda done: loop.call_soon_threadsafe(_settle, answer, done))
+        await asyncio.wait([answer], timeout=min(again_s, left_s))
+    for future in futures:
+        if not future.done():
+            client.remove_pending_request(future)
+    if not answer.done():
+        raise RuntimeError(f"{name} did not answer within {limit_s:g} s")
+    return answer.result()
 
 
 def _settle(answer: asyncio.Future[Any], done: Any) -> None:

@@ -31,6 +31,7 @@ from tensegrity_robot.live_bridge import LiveBridge
 LONGEST_WORDS = 2000
 DISCOVERY_LIMIT_S = 30.0
 ARM_LIMIT_S = 40.0
+STOP_AGAIN_S = 0.5
 """The planner gives the bridge so long to load its judge of shapes, and a little more."""
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -166,7 +167,16 @@ class Operator:
         wait_until(client.service_is_ready, DISCOVERY_LIMIT_S, f"the bridge's service {name}", self._stack)
         if name != "stop":  # that one may well reach everybody
             self._require_alone()
-        answer = self._result(client.call_async(Trigger.Request()), 10.0, f"an answer to {name}")
+        asked = [client.call_async(Trigger.Request())]
+        began = time.monotonic()
+
+        def answered() -> bool:
+            if name == "stop" and time.monotonic() - began > len(asked) * STOP_AGAIN_S:  # one to a bridge not met yet is lost
+                asked.append(client.call_async(Trigger.Request()))
+            return any(future.done() for future in asked)
+
+        wait_until(answered, 10.0, f"an answer to {name}", self._stack)
+        answer = next(_shown(future.result()) for future in asked if future.done())
         if not answer.success:
             raise StackError(f"{name} failed: {answer.message}")
 

@@ -37,7 +37,7 @@ _ALL = (
     Entry("parameters", "Show the parameters of robot and model, with their sources.", "parameters"),
     Entry("calibrate-model", "Scale the ropes until the first natural frequency is the given one.", "calibrate_model"),
     Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "bench"),
-    Entry("faults", "Make 18 failures happen to the stack and look what comes of each; docs/failures.md.", "faults"),
+    Entry("faults", "Make failures happen to the stack and look what comes of each; docs/failures.md.", "faults"),
     Entry("validate", "Compare the solver with closed forms; write docs/validation.md.", "validate"),
     Entry("test", "Run the checks and tests; with arguments, only pytest with these.", "test"),
     Entry("setup", "Only set up: .venv with all packages, and the build of ros_ws.", None),

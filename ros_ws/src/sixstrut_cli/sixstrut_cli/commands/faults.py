@@ -91,5 +91,5 @@ def _numbers(only: str) -> set[int]:
         return set(ROWS)
     parts = [part.strip() for part in only.split(",")]
     if not all(part.isdigit() and int(part) in ROWS for part in parts):
-        raise typer.BadParameter(f"--only is {only!r}, valid are numbers from 1 to 18 with commas between, such as 3,14")
+        raise typer.BadParameter(f"--only is {only!r}, valid are numbers from 1 to {len(ROWS)} with commas between, such as 3,14")
     return {int(part) for part in parts}

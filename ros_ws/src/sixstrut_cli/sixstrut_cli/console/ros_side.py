@@ -39,6 +39,7 @@ Answer = Callable[[bool, str], None]
 ANSWER_LIMIT_S = 5.0
 STOP_LIMIT_S = 1.0
 """The bridge answers within milliseconds; after this a person must know that it did not."""
+STOP_AGAIN_S = 0.25
 REHEARSE_AGAIN_S = 3.0
 ARM_LIMIT_S = 40.0
 """A bridge just started loads its judge of shapes before it answers."""
@@ -165,26 +166,31 @@ class RosSide:
         if not self._stop.service_is_ready():
             answer(False, "NOT STOPPED: nobody offers stop; use the power switch")
             return
-        began = time.monotonic()
-        future = self._stop.call_async(Trigger.Request())
-        told = threading.Event()
+        began, told = time.monotonic(), threading.Event()
 
         def over(done: Any) -> None:
-            took, result = f"{1e3 * (time.monotonic() - began):.0f} ms", done.result()
+            if told.is_set():
+                return
             told.set()
+            took, result = f"{1e3 * (time.monotonic() - began):.0f} ms", done.result()
             if result.success:
                 answer(True, f"stopped: in force {took} after the call")
             else:
                 answer(False, f"NOT STOPPED: {result.message}; use the power switch")
 
-        def late() -> None:
-            if not told.is_set():
+        def ask() -> None:  # again and again: a request to a bridge that has not met this node yet is lost
+            if told.is_set():
+                return
+            if time.monotonic() - began > STOP_LIMIT_S:
+                told.set()
                 answer(False, f"NOT STOPPED: the bridge has not answered for {STOP_LIMIT_S:g} s; use the power switch")
+                return
+            self._stop.call_async(Trigger.Request()).add_done_callback(over)
+            timer = threading.Timer(STOP_AGAIN_S, ask)
+            timer.daemon = True
+            timer.start()
 
-        timer = threading.Timer(STOP_LIMIT_S, late)
-        timer.daemon = True
-        timer.start()
-        future.add_done_callback(over)
+        ask()
 
     def arm(self, answer: Answer) -> None:
         """Arm for the console; whoever presses says that the robot is lifted and clear."""
@@ -323,4 +329,7 @@ def _plain(value: Any) -> Any:
         return round(value, 4) if math.isfinite(value) else None
     if isinstance(value, str):
         return printable(value)
+    if isinstance(value, list):  # of keys and what they mean
+        pairs = [pair for pair in value[:MOST_PARTS] if isinstance(pair, list) and len(pair) == 2]
+        return [[printable(word, NAME_MOST) for word in pair] for pair in pairs]
     return value if isinstance(value, (int, bool)) else None

@@ -10,7 +10,7 @@ from sim_core.structure import NEIGHBOURS
 from sixstrut_cli.errors import SessionError, StackError
 from sixstrut_cli.keys import ENTER, Keys
 from sixstrut_cli.trials.lab import Lab, Rolled
-from sixstrut_cli.trials.panel import Panel
+from sixstrut_cli.trials.panel import LEAVE, UNDO, Panel
 from sixstrut_cli.trials.plan import Slot, placing, way_to_due
 from sixstrut_cli.trials.record import Outcome
 
@@ -123,8 +123,8 @@ class Person:
         Raises:
             KeyboardInterrupt: q, leave. EOFError: the terminal is gone.
         """
-        words = "   ".join(f"{'Enter' if key == ENTER else key} {meaning}" for key, meaning in choices.items())
-        self._panel.show(question=question, keys=f"{words}   u undo the last   q leave")
+        words = [("Enter" if key == ENTER else key, meaning) for key, meaning in choices.items()]
+        self._panel.show(question=question, keys=(*words, UNDO, LEAVE))
         try:
             while (key := self._keys.next()) not in choices:
                 if key == "q":
@@ -133,7 +133,7 @@ class Person:
                     self.undo()
             return key
         finally:
-            self._panel.show(question="", keys="")
+            self._panel.show(question="", keys=())
 
     def arm(self, lab: Lab) -> None:
         """See Hands."""

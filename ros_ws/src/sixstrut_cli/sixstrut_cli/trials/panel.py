@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import Any, Protocol
@@ -40,8 +41,8 @@ class Shown:
     Attributes:
         kind: "virtual trials" or "trials". phase: what is going on. source, target: the next gait. primitive: its name.
         stands: where the robot stands. done, total: trials. successes: of those done. left_s: wall time still to go.
-        link, duty, battery, bag: health, in words. question: what is asked of the person. keys: what may be pressed. last: the last
-            outcome. trouble: what is wrong.
+        link, duty, battery, bag: health, in words. question: what is asked of the person. keys: what may be pressed, and what
+            that does. last: the last outcome. trouble: what is wrong.
     """
 
     kind: str = ""
@@ -59,9 +60,18 @@ class Shown:
     battery: str = ""
     bag: str = ""
     question: str = ""
-    keys: str = ""
+    keys: tuple[tuple[str, str], ...] = ()
     last: str = ""
     trouble: str = ""
+
+
+UNDO, LEAVE = ("u", "undo the last"), ("q", "leave")
+"""Keys that every question of a session knows."""
+
+
+def keys_text(keys: Iterable[tuple[str, str]]) -> str:
+    """For a terminal: "y yes   n no"."""
+    return "   ".join(f"{key} {meaning}" for key, meaning in keys)
 
 
 def duration_text(seconds: float) -> str:
@@ -102,7 +112,7 @@ class Lines:
         """See Panel."""
         before, self.shown = self.shown, replace(self.shown, **changes)
         if self.shown.question and self.shown.question != before.question:
-            self.line(f"{self.shown.question}  [{self.shown.keys}]")
+            self.line(f"{self.shown.question}  [{keys_text(self.shown.keys)}]")
 
     def line(self, text: str) -> None:
         """See Panel."""
@@ -183,5 +193,5 @@ def picture(shown: Shown) -> Any:
         parts.append(Align.center(Text(f"\n{shown.trouble}", style="bold red")))
     if shown.question:
         parts.append(Align.center(Text(f"\n{shown.question}", style="bold yellow")))
-    parts.append(Align.center(Text(f"\n{shown.keys}", style="dim")))
+    parts.append(Align.center(Text(f"\n{keys_text(shown.keys)}", style="dim")))
     return Box(Group(*parts), title=shown.kind, border_style=color)

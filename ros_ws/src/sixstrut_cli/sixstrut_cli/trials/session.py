@@ -18,7 +18,7 @@ from sixstrut_cli.trials.lab import Lab, Rolled
 from sixstrut_cli.trials.ledger import Ledger, Standing
 from sixstrut_cli.trials.message import lines_in_bag
 from sixstrut_cli.trials.pace import runs_s
-from sixstrut_cli.trials.panel import Panel
+from sixstrut_cli.trials.panel import LEAVE, UNDO, Panel
 from sixstrut_cli.trials.plan import DIGITS, Slot, due_of, next_due, placing
 from sixstrut_cli.trials.record import Event, Line, Outcome, utc_ns, utc_text
 
@@ -26,7 +26,7 @@ VOIDS_ALLOWED = 3
 """In a row: then something is wrong that more trials do not mend."""
 KILLED = "the session was killed, or lost its power, in the middle of it"
 STOPPED = "the experimenter ended the session in the middle of it"
-KEYS = "space STOP   u undo the last   p pause   q leave after this trial"
+KEYS = (("space", "STOP"), UNDO, ("p", "pause"), ("q", "leave after this trial"))
 
 
 class Session:
@@ -244,7 +244,7 @@ class Session:
             self._leave = True
             self._panel.show(phase="leaving after this trial")
         elif key == "p":
-            self._panel.show(question="Paused.", keys="p go on   u undo the last   q leave")
+            self._panel.show(question="Paused.", keys=(("p", "go on"), UNDO, LEAVE))
             while (key := self._keys.next()) != "p" and not self._leave:
                 self._leave = key == "q"
                 if key == "u":

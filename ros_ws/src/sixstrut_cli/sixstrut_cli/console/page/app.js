@@ -5,7 +5,7 @@ const $ = (id) => document.getElementById(id);
 const FACES = [...Array(8).keys()].map((n) => `TC${n + 1}`).concat([...Array(12).keys()].map((n) => `TO${n + 1}`));
 const SHORTEST_MM = 189, LONGEST_MM = 279;
 const RETRY_MS = 1000;
-const STOP_MS = 2000, STOP_AGAIN_MS = 500, SILENT_MS = 2500;
+const STOP_MS = 2000, STOP_AGAIN_MS = 500, GIVE_UP_MS = 10000, SILENT_MS = 2500;
 let socket = null, facts = null, heard = 0;
 let panel = ""; // which question of a session is shown: a key answers this one and no other
 let stopping = 0, again = 0; // since when a stop is asked for and not yet answered; 0: none is
@@ -58,7 +58,7 @@ function connect() {
       $("scene").src = `scene?websocket=${encodeURIComponent(socketAt(`scene/${message.page}`))}&hideViserLogo`;
       if (!stopping) tell("", "");
     } else if (message.answer) {
-      if (message.answer.do === "stop") stopAnswered();
+      if (message.answer.do === "stop" && (message.answer.done || Date.now() - stopping > GIVE_UP_MS)) stopAnswered();
       tell(message.answer.words, message.answer.done ? "good" : "bad");
     } else {
       lost(false);
@@ -203,9 +203,9 @@ function trial(shown) {
   text("trialQuestion", shown.trouble || shown.question || shown.phase);
   const rate = shown.done ? `, ${Math.round((100 * shown.successes) / shown.done)} % succeeded` : "";
   text("trialDone", `${shown.done} of ${shown.total} done${rate}. ${shown.last}`);
-  const keys = String(shown.keys || "").split("   ").map((part) => part.trim()).filter((part) => part && !part.startsWith("space ")).map((part) => [part.split(" ")[0], part.slice(part.indexOf(" ") + 1)]);
-  if ($("trialKeys").dataset.shown === shown.keys) return;
-  $("trialKeys").dataset.shown = shown.keys || "";
+  const keys = (shown.keys || []).filter(([key]) => key !== "space"); // the stop has a button of its own
+  if ($("trialKeys").dataset.shown === JSON.stringify(keys)) return;
+  $("trialKeys").dataset.shown = JSON.stringify(keys);
   $("trialKeys").replaceChildren(...keys.map(([key, meaning]) => {
     const button = document.createElement("button");
     button.type = "button";

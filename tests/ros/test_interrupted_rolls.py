@@ -1,0 +1,116 @@
+"""Rolls that are ended in the middle: slowly enough that the middle is met on a busy machine, too."""
+
+from __future__ import annotations
+
+import signal
+
+import pytest
+from action_msgs.msg import GoalStatus
+
+from sixstrut_cli.faults.client import Operator
+from sixstrut_cli.faults.processes import wait_until
+from tensegrity_interfaces.msg import BridgeState
+from tensegrity_interfaces.srv import Arm, Disarm
+
+pytestmark = pytest.mark.ros
+NEUTRAL = [0.234] * 6
+LEASE_S = 5.0  # so long that what ends a motion sooner, on a busy machine too, was not the lease
+
+
+@pytest.fixture(scope="module")
+def stack(module_processes):
+    """The whole stack but for the traveller, three times as fast as life."""
+    prototype = module_processes.start("virtual_prototype", "--time-scale", "3", "--perturbation", "0", "--actuators", "ideal")
+    module_processes.start("twin")
+    module_processes.start("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
+    module_processes.start("hardware_bridge", lease_silence_s=LEASE_S)
+    prototype.says("ready")
+    return module_processes
+
+
+@pytest.fixture(scope="module")
+def stack_operator(stack, domain):
+    operator = Operator(domain)
+    operator.meets_stack()
+    yield operator
+    operator.close()
+
+
+@pytest.fixture
+def robot(stack_operator):
+    """An operator before the running stack, nobody holding the lease."""
+    yield stack_operator
+    stack_operator.call("disarm", Disarm.Request())
+    stack_operator.sees(BridgeState.DISARMED)
+
+
+def test_a_cancelled_roll_holds_the_struts_and_the_next_returns_to_neutral_first(robot):
+    robot.arm()
+    source = robot.face.face
+    target = "TO5" if source == "TC6" else "TC6"
+    handle = robot.begin_roll(target)
+    robot.moves(handle, 0.005)
+    assert len(robot.cancel(handle).goals_canceling) == 1
+    answer = robot.end(handle)
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert answer.result.reason == "cancelled; the struts hold where they are"
+    robot.sees(BridgeState.HOLD)
+    wait_until(lambda: _last_frame_holds(robot), 10.0, "the frame that holds")
+    wait_until(lambda: robot.twin.at_rest and robot.face.settled and robot.face.face, 20.0, "rest on a face")
+    answer = robot.end(robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6"))
+    phases = [phase for phase in robot.feedback if phase != "rehearsing"]
+    assert phases[0].endswith("neutral lengths"), robot.feedback
+    assert answer.result.success, answer.result.reason
+
+
+def _last_frame_holds(robot) -> bool:
+    """Where the board is between the two frames before. The stream may come after the state, on another topic."""
+    earlier, before, last = [message.pulse_us for message in list(robot.sent) if not message.heartbeat][-3:]
+    between = [min(a, b) - 1 <= held <= max(a, b) + 1 for a, b, held in zip(earlier, before, last, strict=True)]
+    return all(between)
+
+
+def test_stop_fails_the_running_roll_and_latches(robot):
+    robot.arm()
+    handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
+    robot.moves(handle, 0.002)
+    assert robot.trigger("stop").success
+    answer = robot.end(handle)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "the bridge is in FAULT (stop pressed)" in answer.result.reason
+    robot.sees(BridgeState.FAULT)
+    refused = robot.call("arm", Arm.Request(lifted_and_clear=True))
+    assert "stop pressed; remove the cause, then call reset" in refused.message
+    assert robot.trigger("reset").success
+    robot.sees(BridgeState.DISARMED)
+    robot.arm()
+    assert list(robot.bridge.length_m) == pytest.approx(NEUTRAL, abs=1e-4)
+
+
+def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):
+    robot.arm()
+    handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
+    robot.moves(handle, 0.002)
+    planner = next(process for process in stack._started if process.name == "gait_planner")
+    planner.signal(signal.SIGTERM)
+    wait_until(lambda: robot.bridge.state == BridgeState.HOLD, LEASE_S - 1.0, "HOLD before the lease falls silent")
+    assert robot.bridge.reason == "cancelled by its commander"
+    assert planner.ends() == 0
+    stack.start("gait_planner", settle_timeout_s=200.0).says("library robust")
+    wait_until(lambda: not robot.bridge.lease_holder, 20.0, "the end of a lease that nobody gave back")
+
+
+def test_a_roll_of_a_bridge_that_died_ends_with_the_reason(stack, robot):
+    robot.arm()
+    handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
+    robot.moves(handle, 0.002)
+    bridge = next(process for process in stack._started if process.name == "hardware_bridge")
+    bridge.kill()
+    answer = robot.end(handle)
+    assert answer.status == GoalStatus.STATUS_ABORTED
+    assert "the hardware bridge is silent" in answer.result.reason
+    again = stack.start("hardware_bridge")
+    again.says("DISARMED, nothing moves")
+    again.says("messages of a session that was cut short")
+    wait_until(lambda: robot.bridge.state == BridgeState.DISARMED and robot.bridge.robot_time_ns > 0, 20.0, "the new bridge")
+    assert "the robot is not armed" in robot.roll("TO5").reason
