@@ -19,14 +19,20 @@ import numba
 from numba import njit as njit
 
 
+def sources_hash(*patterns: str) -> str:
+    """Identifies this package's sources; with patterns, such as "**/*.yaml", also the files that these name."""
+    package = Path(__file__).parent
+    digest = hashlib.sha256()
+    for path in sorted({path for pattern in ("**/*.py", *patterns) for path in package.glob(pattern)}):
+        digest.update(path.relative_to(package).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 def use_own_folder() -> Path:
     """Point numba at the folder for exactly these sources; must run before anything is compiled. A folder given by the user
     (NUMBA_CACHE_DIR) is the parent then."""
     package = Path(__file__).parent
-    digest = hashlib.sha256()
-    for source in sorted(package.glob("*.py")):
-        digest.update(source.name.encode())
-        digest.update(source.read_bytes())
     given = os.environ.get("NUMBA_CACHE_DIR")
     if given:
         parent = Path(given)
@@ -34,7 +40,7 @@ def use_own_folder() -> Path:
         parent = package / "__pycache__"
     else:
         parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sixstrut"
-    folder = parent / f"kernels-{digest.hexdigest()[:16]}"
+    folder = parent / f"kernels-{sources_hash()}"
     config: Any = numba.config
     config.CACHE_DIR = str(folder)
     return folder

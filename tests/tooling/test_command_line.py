@@ -75,6 +75,12 @@ def test_no_command_shows_the_help(capsys):
         assert name in output
 
 
+def test_a_command_whose_module_is_missing_is_told_loudly(monkeypatch, tmp_path):
+    monkeypatch.setattr(registry, "_COMMANDS", tmp_path)
+    with pytest.raises(FileNotFoundError, match=r"modules are missing in .*: demo\.py, roll\.py"):
+        registry.names()
+
+
 def test_starting_up_imports_neither_ros_nor_the_numerics():
     code = (
         "import sys; from sixstrut_cli import app; app.run(['--help']); "

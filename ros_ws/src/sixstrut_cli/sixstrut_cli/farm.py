@@ -14,7 +14,7 @@ from itertools import count, islice
 from typing import Any
 
 from sim_core.chunks import Chunk, Report, Runner, Trials, jobs_in, run_chunk, run_here, silent
-from sim_core.compiled_cache import use_own_folder
+from sim_core import compiled_cache
 from sim_core.errors import SimError
 from sixstrut_cli.errors import FarmError
 
@@ -132,5 +132,5 @@ def work_of(chunk: Chunk, sources: str) -> Trials:
 
 @cache
 def sources_hash() -> str:
-    """Identifies the sources that simulate here: results are the same where it is."""
-    return use_own_folder().name
+    """Identifies all of sim_core that is here, its data included: results are the same where it is."""
+    return compiled_cache.sources_hash("**/*.yaml")

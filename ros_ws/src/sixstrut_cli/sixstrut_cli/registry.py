@@ -31,7 +31,6 @@ _ALL = (
     Entry("foxglove", "Serve the live stack to the Foxglove app: every topic, and a stop button.", "foxglove"),
     Entry("replay", "Step the twin through a recorded session and compare.", "replay"),
     Entry("play", "Play a recorded session into ROS, for a twin and viewers.", "play"),
-    Entry("prototype", "Run the virtual prototype alone, behind a serial port.", "prototype"),
     Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "calibrate"),
     Entry("doctor", "Check port, pairing, calibration, disk and versions; say how to mend each.", "doctor"),
     Entry("parameters", "Show the parameters of robot and model, with their sources.", "parameters"),
@@ -51,8 +50,15 @@ _COMMANDS = Path(__file__).parent / "commands"
 
 
 def entries() -> list[Entry]:
-    """The commands that exist, in the order of the help."""
-    return [entry for entry in _ALL if entry.module is None or (_COMMANDS / f"{entry.module}.py").exists()]
+    """The commands, in the order of the help.
+
+    Raises:
+        FileNotFoundError: A command's module is not where this table says.
+    """
+    missing = [f"{entry.module}.py" for entry in _ALL if entry.module and not (_COMMANDS / f"{entry.module}.py").is_file()]
+    if missing:
+        raise FileNotFoundError(f"registry.py names commands whose modules are missing in {_COMMANDS}: {', '.join(missing)}")
+    return list(_ALL)
 
 
 def names() -> list[str]:
