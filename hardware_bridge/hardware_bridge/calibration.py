@@ -13,7 +13,7 @@ from pathlib import Path
 from hardware_bridge.codecs.registry import BOARDS
 from hardware_bridge.errors import CalibrationError
 from sim_core.errors import YamlError, brief
-from sim_core.strict_yaml import parse_yaml, read_yaml
+from sim_core.files.yaml_reader import parse_yaml, read_yaml
 
 STRUTS = ("S1", "S2", "S3", "S4", "S5", "S6")
 LONGEST_NAME = 40

@@ -11,7 +11,7 @@ from pathlib import Path
 from hardware_bridge.calibration import STRUTS, Calibration, StrutCalibration, parse_calibration, parse_strut, robot_name
 from hardware_bridge.errors import CalibrationError
 from sim_core.errors import YamlError
-from sim_core.strict_yaml import read_yaml
+from sim_core.files.yaml_reader import read_yaml
 
 _HEAD = """\
 # Calibration of one robot, measured with `./sixstrut calibrate`. Another robot needs its own.

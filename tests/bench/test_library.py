@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from sim_core.library import load_library
+from sim_core.gaits.library import load_library
 from sixstrut_cli.bench.library import Tried, text_of
 
 

@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sim_core.parameters import load_prototype
-from sim_core.policy import lengths_of
-from sim_core.robot import Robot
-from sim_core.structure import FACES
+from sim_core.dynamics.robot import Robot
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.policy import lengths_of
+from sim_core.structure.topology import FACES
 from sixstrut_cli.bench import measure, report
 from sixstrut_cli.bench.engines import Moment, SixStrut
 from sixstrut_cli.bench.rest import Rest

@@ -5,8 +5,8 @@ import xml.etree.ElementTree as ElementTree
 import numpy as np
 import pytest
 
-from sim_core.elements import elements_of, previous_elements_of
-from sim_core.parameters import load_prototype
+from sim_core.structure.elements import elements_of, previous_elements_of
+from sim_core.structure.parameters import load_prototype
 from sixstrut_cli.bench.mujoco_model import mjcf, positions_of
 
 

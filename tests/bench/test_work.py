@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from sim_core import kernel
-from sim_core.model import build_model
-from sim_core.parameters import load_prototype
-from sim_core.robot import Robot
+from sim_core.dynamics import vfife
+from sim_core.dynamics.model import build_model
+from sim_core.dynamics.robot import Robot
+from sim_core.structure.parameters import load_prototype
 from sixstrut_cli.bench.work import ARITHMETIC, MEMORY, compiled_operations, count_step
 
 # Most that one robot's step may cost (eight robots in a vector share each operation). Lower them when the kernel gets leaner.
@@ -45,7 +45,7 @@ def test_what_is_counted_is_what_is_compiled(model, robot, where):
     m, (state, work) = model, robot.rows()
     count_step(m, state, work)
     own_state, own_work = robot.rows()
-    kernel.advance(own_state, m.par, own_work, m.assembly, m.dt_s, m.elements.zeta_1_s, m.reach_m, 1)
+    vfife.advance(own_state, m.par, own_work, m.assembly, m.dt_s, m.elements.zeta_1_s, m.reach_m, 1)
     assert state.tobytes() == own_state.tobytes()
     assert work.tobytes() == own_work.tobytes()
 

@@ -11,9 +11,9 @@ import time
 
 import numpy as np
 
-from sim_core.model import build_model
-from sim_core.parameters import load_prototype
-from sim_core.robot import Robot
+from sim_core.dynamics.model import build_model
+from sim_core.dynamics.robot import Robot
+from sim_core.structure.parameters import load_prototype
 from sixstrut_cli.console import running
 from sixstrut_cli.console.facts import Facts
 

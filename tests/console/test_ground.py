@@ -6,11 +6,11 @@ import math
 import numpy as np
 import pytest
 
-from sim_core.floor import Floor
-from sim_core.model import build_model
-from sim_core.parameters import load_prototype
-from sim_core.robot import Robot
-from sim_core.structure import FACES, NEIGHBOURS
+from sim_core.dynamics.model import build_model
+from sim_core.dynamics.robot import Robot
+from sim_core.planning.floor_planner import Floor
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.topology import FACES, NEIGHBOURS
 from sixstrut_cli.console.facts import Facts, Selection, document_of
 from sixstrut_cli.console.ground import Ground
 from sixstrut_cli.console.scene import FULL_SCALE_N, ORANGE, PALE, tension_colors

@@ -16,9 +16,9 @@ from hardware_bridge.homing import homing_path
 from hardware_bridge.limits import Limits
 from hardware_bridge.shape_memory import ShapeMemory
 from hardware_bridge.trajectory import Trajectory
-from sim_core.library import libraries_folder, load_library
-from sim_core.parameters import load_prototype
-from sim_core.shape import ShapeJudge, ShapeLimits
+from sim_core.gaits.library import libraries_folder, load_library
+from sim_core.rolling.shape_check import ShapeJudge, ShapeLimits
+from sim_core.structure.parameters import load_prototype
 from tests.hardware_bridge.helpers import MID, MID_M
 
 PROTOTYPE = load_prototype()

@@ -20,7 +20,7 @@ def domain() -> Iterator[int]:
 @pytest.fixture(scope="session")
 def compiled() -> None:
     """The solver is compiled: no process compiles it beside a running stack, while others wait for its answers."""
-    from sim_core.warm_up import Stage, is_warm, warm_up
+    from sim_core.rolling.warm_up import Stage, is_warm, warm_up
 
     stages = (Stage.ROBOT, Stage.BATCH)
     if not is_warm(stages):

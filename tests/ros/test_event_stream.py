@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from sim_core.follow import Observed, Sent
+from sim_core.twin.follower import Observed, Sent
 from tensegrity_robot.event_stream import Arrival, Begin, EventStream
 
 S = 1_000_000_000

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from sim_core.floor import LEVEL
-from sim_core.library import gait_of, load_library
-from sim_core.symmetry import TC_TO
+from sim_core.gaits.library import gait_of, load_library
+from sim_core.planning.floor_planner import LEVEL
+from sim_core.structure.symmetry import TC_TO
 from tensegrity_robot.experience import LEAST_SURE, MOST_SURE, SPREAD_LEAN, Experience
 
 NORTH, SOUTH = math.pi / 2, -math.pi / 2

@@ -18,9 +18,9 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from hardware_bridge.bag_reader import Session, read_session
 from hardware_bridge.codecs.lsc import FrameDecoder, Move, decode_move
-from sim_core.follow import Follower, Observed, Sent
-from sim_core.model import build_model
-from sim_core.parameters import load_prototype
+from sim_core.dynamics.model import build_model
+from sim_core.structure.parameters import load_prototype
+from sim_core.twin.follower import Follower, Observed, Sent
 from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.srv import Arm
 
@@ -66,7 +66,7 @@ def interrupted(module_processes, domain):
 
 
 def _neighbour(face: str) -> str:
-    from sim_core.structure import NEIGHBOURS
+    from sim_core.structure.topology import NEIGHBOURS
 
     return NEIGHBOURS[face][0]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim_core.model import build_model
-from sim_core.parameters import load_prototype
+from sim_core.dynamics.model import build_model
+from sim_core.structure.parameters import load_prototype
 from tensegrity_robot.rest import RestWatch
 from tensegrity_robot.standalone import STRUT_NAMES, StandAlone
 

@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from sim_core.climbs import load_climbs
-from sim_core.face_graph import FaceGraph
-from sim_core.floor import Floor, Stance
-from sim_core.library import load_library
-from sim_core.model import build_model
-from sim_core.odds import load_odds
-from sim_core.parameters import load_prototype
+from sim_core.dynamics.model import build_model
+from sim_core.gaits.climb_limits import load_climbs
+from sim_core.gaits.library import load_library
+from sim_core.gaits.success_probability import load_odds
+from sim_core.planning.face_graph import FaceGraph
+from sim_core.planning.floor_planner import Floor, Stance
+from sim_core.structure.parameters import load_prototype
 from tensegrity_robot.travelling import MOST_MISSES, End, Journey, Rules, Step, key_of
 
 START = Stance("TC6", 0.0, 0.0, 0.0)

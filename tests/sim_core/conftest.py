@@ -2,8 +2,8 @@ from dataclasses import replace
 
 import pytest
 
-from sim_core.model import build_model
-from sim_core.parameters import load_prototype
+from sim_core.dynamics.model import build_model
+from sim_core.structure.parameters import load_prototype
 
 
 @pytest.fixture(scope="session")

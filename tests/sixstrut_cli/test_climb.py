@@ -4,11 +4,11 @@ import json
 
 import pytest
 
-from sim_core.actuators import require_actuators
-from sim_core.climbs import load_climbs
-from sim_core.library import gait_of, load_library
-from sim_core.parameters import load_prototype
-from sim_core.symmetry import TC_TO
+from sim_core.dynamics.actuators import require_actuators
+from sim_core.gaits.climb_limits import load_climbs
+from sim_core.gaits.library import gait_of, load_library
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.symmetry import TC_TO
 from sixstrut_cli.climbing import NEAR_DEG, roll, steepest_deg
 from tests.sixstrut_cli.test_commands import sixstrut
 
@@ -52,7 +52,7 @@ def test_what_is_not_there_is_one_line_that_names_it(words):
 def test_the_command_tells_scripts_and_people_and_writes_the_file(tmp_path):
     from dataclasses import replace
 
-    from sim_core.library import library_text
+    from sim_core.gaits.library import library_text
 
     one = replace(LIBRARY, name="one", primitives=LIBRARY.primitives[11:12])
     path, out = tmp_path / "one.yaml", tmp_path / "climbs.yaml"

@@ -8,11 +8,11 @@ from dataclasses import replace
 
 import pytest
 
-from sim_core.chunks import run_here
-from sim_core.library import load_library
-from sim_core.parameters import load_prototype
-from sim_core.robustness import Plan, chunks_of
-from sim_core.uncertainty import Law
+from sim_core.gaits.library import load_library
+from sim_core.structure.parameters import load_prototype
+from sim_core.studies.robustness import Plan, chunks_of
+from sim_core.studies.tasks import run_here
+from sim_core.uncertainty.distribution import Law
 from sixstrut_cli import farm
 from sixstrut_cli.errors import FarmError
 
@@ -23,7 +23,7 @@ SMALL = 8
 def chunks():
     """Six small chunks."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sim_core.robustness.CHUNK_JOBS", SMALL)
+        patch.setattr("sim_core.studies.robustness.CHUNK_JOBS", SMALL)
         return chunks_of(load_prototype(), load_library("robust").primitives[:1], Plan(Law(0.2), 5, 2, one_gait=True))
 
 
@@ -49,7 +49,7 @@ def bits(trials):
 
 def test_without_a_scheduler_work_is_done_here_and_dask_is_not_imported():
     code = (
-        "import sys; from sixstrut_cli.farm import runner_of; from sim_core.chunks import run_here\n"
+        "import sys; from sixstrut_cli.farm import runner_of; from sim_core.studies.tasks import run_here\n"
         "with runner_of(None) as run: assert run is run_here\n"
         "assert not {'dask', 'distributed'} & set(sys.modules)"
     )

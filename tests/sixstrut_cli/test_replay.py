@@ -8,8 +8,8 @@ from types import SimpleNamespace
 import pytest
 
 from hardware_bridge.bag_reader import BagError, Session, read_session
+from sim_core.dynamics.model import build_model
 from sim_core.errors import SimError
-from sim_core.model import build_model
 from sixstrut_cli.outcomes import outcomes_of
 from sixstrut_cli.replaying import ReplayError, events_of, model_of, replay, require_same_model
 from sixstrut_cli.trials.replayed import library_of

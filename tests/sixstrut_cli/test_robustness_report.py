@@ -6,11 +6,11 @@ import json
 import numpy as np
 import pytest
 
-from sim_core.attribution import Attribution
-from sim_core.chunks import Cost
-from sim_core.library import load_library
-from sim_core.robustness import Plan, Study, gaits_of
-from sim_core.uncertainty import Law
+from sim_core.gaits.library import load_library
+from sim_core.studies.attribution import Attribution
+from sim_core.studies.robustness import Plan, Study, gaits_of
+from sim_core.studies.tasks import Cost
+from sim_core.uncertainty.distribution import Law
 from sixstrut_cli.robustness_picture import robustness_picture
 from sixstrut_cli.robustness_report import document_of, text_of, write_tables
 

@@ -2,8 +2,8 @@ from itertools import pairwise
 
 import pytest
 
-from sim_core.structure import FACES, NEIGHBOURS
-from sim_core.symmetry import carrier
+from sim_core.structure.symmetry import carrier
+from sim_core.structure.topology import FACES, NEIGHBOURS
 from sixstrut_cli.route import next_face, walk
 
 

@@ -12,7 +12,7 @@ import pytest
 
 from hardware_bridge.bag_reader import read_session
 from hardware_bridge.fault_injection import FROM_BOARD, TO_BOARD
-from sim_core.structure import NEIGHBOURS
+from sim_core.structure.topology import NEIGHBOURS
 from sixstrut_cli.faults.lab import Lab, Setup
 from sixstrut_cli.faults.processes import wait_until
 from sixstrut_cli.faults.scenario import shape_of

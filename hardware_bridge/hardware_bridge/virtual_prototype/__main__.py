@@ -23,11 +23,11 @@ from hardware_bridge.virtual_prototype.boards import emulate
 from hardware_bridge.virtual_prototype.body import SimulatedBody
 from hardware_bridge.virtual_prototype.maestro_board import ControlCenter
 from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
-from sim_core.actuators import STAND_IN, require_actuators
+from sim_core.dynamics.actuators import STAND_IN, require_actuators
 from sim_core.errors import SimError
 
 MOST_INCLINE_DEG = 20.0
-"""`sim_core.uncertainty.MAX_INCLINE_DEG`, by value: to import it would load the solver for every `--help`."""
+"""`sim_core.uncertainty.distribution.MAX_INCLINE_DEG`, by value: to import it would load the solver for every `--help`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -1,4 +1,4 @@
-"""The robot on the emulated board's pulses, with actuators that feel their load (see ``sim_core.actuators``)."""
+"""The robot on the emulated board's pulses, with actuators that feel their load (see ``sim_core.dynamics.actuators``)."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware_bridge.virtual_prototype.body import SimulatedBody
-from sim_core import actuators
-from sim_core.actuators import ActuatorParameters
+from sim_core.dynamics import actuators
+from sim_core.dynamics.actuators import ActuatorParameters
 
 
 class ActuatedBody(SimulatedBody):

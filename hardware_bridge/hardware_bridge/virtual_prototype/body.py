@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware_bridge.observation import Observation
-from sim_core.actuators import ActuatorParameters, following
+from sim_core.dynamics.actuators import ActuatorParameters, following
 
 REST_S = 0.2
 """How long all joints must have been slow for the robot to be settled."""
@@ -65,11 +65,11 @@ class SimulatedBody:
         incline_deg: float = 0.0,
         downhill_rad: float | None = None,
     ) -> None:
-        from sim_core.model import build_model
-        from sim_core.parameters import load_prototype
-        from sim_core.perturbation import perturb
-        from sim_core.robot import Robot
-        from sim_core.uncertainty import inclined, inclined_towards
+        from sim_core.dynamics.model import build_model
+        from sim_core.dynamics.robot import Robot
+        from sim_core.structure.parameters import load_prototype
+        from sim_core.uncertainty.distribution import inclined, inclined_towards
+        from sim_core.uncertainty.seeded_perturbation import perturb
 
         prototype = load_prototype()
         if parameters is not None:

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from types import ModuleType
 from typing import NamedTuple
 
-from sim_core.validation import (
+from sim_core.validation.cases import (
     beams,
     cables,
     contact,
@@ -18,11 +18,11 @@ from sim_core.validation import (
     free_body,
     incremental,
     large_rotation,
-    outcomes,
+    step_size_outcomes,
     time_limit,
     whole_robot,
 )
-from sim_core.validation.case import Case, Curve, Picture, Setting
+from sim_core.validation.harness.case import Case, Curve, Picture, Setting
 
 __all__ = ["CASES", "TOPICS", "Case", "Curve", "Picture", "Setting", "Topic"]
 
@@ -97,7 +97,11 @@ TOPICS: tuple[Topic, ...] = (
             whole_robot.lanes,
         ),
     ),
-    Topic("Outcomes", outcomes, (outcomes.same_face_at_a_finer_step, outcomes.same_face_with_stiffer_struts)),
+    Topic(
+        "Outcomes",
+        step_size_outcomes,
+        (step_size_outcomes.same_face_at_a_finer_step, step_size_outcomes.same_face_with_stiffer_struts),
+    ),
 )
 
 CASES: dict[str, CaseFunction] = {function.__name__: function for topic in TOPICS for function in topic.cases}

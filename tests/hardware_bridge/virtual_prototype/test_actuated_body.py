@@ -9,7 +9,7 @@ import pytest
 
 from hardware_bridge.virtual_prototype.actuated_body import ActuatedBody
 from hardware_bridge.virtual_prototype.body import SimulatedBody
-from sim_core.actuators import ActuatorParameters, load_actuators
+from sim_core.dynamics.actuators import ActuatorParameters, load_actuators
 
 STAND_IN = load_actuators()
 MID_M = 0.234

@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from sim_core.batch import roll_many
+from sim_core.rolling.batch import roll_many
 from sixstrut_cli.campaign.sampled import chosen
 from sixstrut_cli.learning.trials_of import read_tries
 from sixstrut_cli.trials.analysis import read_told
@@ -48,11 +48,11 @@ def test_a_tiny_campaign_computes_runs_a_sample_on_the_stack_and_reports(tmp_pat
 
 
 def test_computed_trials_are_the_solver_s_own_and_a_fit_knows_how_they_began(tmp_path):
-    from sim_core.batch import Job
-    from sim_core.library import load_library
-    from sim_core.model import build_model
-    from sim_core.parameters import load_prototype
-    from sim_core.perturbation import perturb
+    from sim_core.dynamics.model import build_model
+    from sim_core.gaits.library import load_library
+    from sim_core.rolling.batch import Job
+    from sim_core.structure.parameters import load_prototype
+    from sim_core.uncertainty.seeded_perturbation import perturb
     from sixstrut_cli.campaign.fast import session_of
 
     nominal = build_model(load_prototype())

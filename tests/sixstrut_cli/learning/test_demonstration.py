@@ -2,11 +2,11 @@
 
 from dataclasses import replace
 
-from sim_core.fitting import wins_of
-from sim_core.library import load_library
-from sim_core.model import build_model
-from sim_core.parameters import load_prototype
-from sim_core.rates import rate_of
+from sim_core.dynamics.model import build_model
+from sim_core.gaits.library import load_library
+from sim_core.structure.parameters import load_prototype
+from sim_core.studies.binomial_intervals import rate_of
+from sim_core.studies.ensemble_fit import wins_of
 from sixstrut_cli.learning.demonstration import Setting, demonstrate, hidden_robot
 from sixstrut_cli.learning.odds_of import gaits_of, roll_of
 from sixstrut_cli.learning.page import page_of

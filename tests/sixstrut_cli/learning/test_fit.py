@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from sim_core.ensemble_file import load_posterior
-from sim_core.library import library_text
-from sim_core.model import build_model
-from sim_core.odds import load_odds
-from sim_core.parameters import load_prototype
+from sim_core.dynamics.model import build_model
+from sim_core.gaits.library import library_text
+from sim_core.gaits.success_probability import load_odds
+from sim_core.structure.parameters import load_prototype
+from sim_core.uncertainty.ensemble import load_posterior
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.learning import trials_of
 from sixstrut_cli.learning.odds_of import shipped_prior

@@ -6,9 +6,9 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from sim_core.face_graph import FaceGraph
-from sim_core.library import load_library
-from sim_core.odds import load_odds
+from sim_core.gaits.library import load_library
+from sim_core.gaits.success_probability import load_odds
+from sim_core.planning.face_graph import FaceGraph
 from sixstrut_cli.trials.folder import SessionFolder, Settings, begin_session
 from sixstrut_cli.trials.ledger import Ledger
 from sixstrut_cli.trials.plan import Slot, chosen_gaits, chosen_primitives, make_plan

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from sim_core.face_graph import FaceGraph
-from sim_core.library import load_library
+from sim_core.gaits.library import load_library
+from sim_core.planning.face_graph import FaceGraph
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.pace import HANDS, Pace, estimate, runs_s
 from sixstrut_cli.trials.plan import chosen_gaits, chosen_primitives, due_of, next_due, placing, plan_of, plan_text, way_to_due

@@ -10,7 +10,7 @@ import pytest
 from scipy import stats
 
 from sim_core.errors import SimError
-from sim_core.rates import counts_of, rate_of
+from sim_core.studies.binomial_intervals import counts_of, rate_of
 from sixstrut_cli.trials.statistics import bootstrap_by_prototype, calibration, lilliefors, mann_whitney, many_kinds, two_kinds
 
 

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from hardware_bridge.virtual_prototype.actuated_body import ActuatedBody
 from hardware_bridge.virtual_prototype.body import SimulatedBody
-from sim_core.actuators import ActuatorParameters
-from sim_core.climbs import Climbs
-from sim_core.library import Gait, Library, gait_of
-from sim_core.parameters import Prototype, load_prototype
-from sim_core.policy import lengths_of, neutral_lengths
+from sim_core.dynamics.actuators import ActuatorParameters
+from sim_core.gaits.climb_limits import Climbs
+from sim_core.gaits.library import Gait, Library, gait_of
+from sim_core.structure.parameters import Prototype, load_prototype
+from sim_core.structure.policy import lengths_of, neutral_lengths
 
 STEEPEST_DEG, NEAR_DEG = 16.0, 0.25
 """No gait is tried on steeper ground; how near the answer is."""

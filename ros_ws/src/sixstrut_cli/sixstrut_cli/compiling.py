@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from sim_core.warm_up import Stage, is_warm, warm_up
+from sim_core.rolling.warm_up import Stage, is_warm, warm_up
 
 
 def compile_first(*stages: Stage) -> None:

@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim_core.chunks import Chunk, Cost, Trials
 from sim_core.errors import SimError
-from sim_core.parameters import Prototype
-from sim_core.rates import rate_of
-from sim_core.robustness import GAITS, Study, chunk_jobs, chunks_of
+from sim_core.structure.parameters import Prototype
+from sim_core.studies.binomial_intervals import rate_of
+from sim_core.studies.robustness import GAITS, Study, chunk_jobs, chunks_of
+from sim_core.studies.tasks import Chunk, Cost, Trials
 
 TASKS, REPEATS = 40, 5
 CORES = (2, 64, 1024)

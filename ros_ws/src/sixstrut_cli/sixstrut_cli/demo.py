@@ -15,10 +15,10 @@ from rich.console import Console
 
 from hardware_bridge.bag_reader import read_session
 from hardware_bridge.bag_types import TOPICS
-from sim_core.parameters import load_prototype
-from sim_core.perturbation import LAW
-from sim_core.policy import neutral_lengths
-from sim_core.symmetry import GROUP, carrier
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.policy import neutral_lengths
+from sim_core.structure.symmetry import GROUP, carrier
+from sim_core.uncertainty.seeded_perturbation import LAW
 from sixstrut_cli.domain import Domain, private_domain
 from sixstrut_cli.pictures import session_picture
 from sixstrut_cli.replaying import replay

@@ -13,9 +13,9 @@ from functools import cache, partial
 from itertools import count, islice
 from typing import Any
 
-from sim_core.chunks import Chunk, Report, Runner, Trials, jobs_in, run_chunk, run_here, silent
-from sim_core import compiled_cache
+from sim_core.dynamics import jit_cache
 from sim_core.errors import SimError
+from sim_core.studies.tasks import Chunk, Report, Runner, Trials, jobs_in, run_chunk, run_here, silent
 from sixstrut_cli.errors import FarmError
 
 ANSWER_S = 10.0
@@ -133,4 +133,4 @@ def work_of(chunk: Chunk, sources: str) -> Trials:
 @cache
 def sources_hash() -> str:
     """Identifies all of sim_core that is here, its data included: results are the same where it is."""
-    return compiled_cache.sources_hash("**/*.yaml")
+    return jit_cache.sources_hash("**/*.yaml")

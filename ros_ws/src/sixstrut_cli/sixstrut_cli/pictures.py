@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from hardware_bridge.bag_reader import Session, seconds_of
-from sim_core.roll import RollResult, Sample
-from sim_core.structure import STRUTS, TENDONS
+from sim_core.rolling.roll import RollResult, Sample
+from sim_core.structure.topology import STRUTS, TENDONS
 from sixstrut_cli.replaying import Replay
 
 STRUT_COLORS = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9")

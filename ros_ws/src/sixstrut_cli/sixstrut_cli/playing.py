@@ -23,7 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from hardware_bridge.bag_reader import Bag, BagError, Recorded, Session, read_bag
 from hardware_bridge.text import printable
-from sim_core.follow import MOST_TIME_SCALE
+from sim_core.twin.follower import MOST_TIME_SCALE
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.replaying import events_of, model_of
 from sixstrut_cli.ros_types import message_class

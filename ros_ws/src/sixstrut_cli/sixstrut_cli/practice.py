@@ -18,7 +18,7 @@ from hardware_bridge.child import bound
 from hardware_bridge.observation import Observation
 from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.virtual_port import read_handshake
-from sim_core.structure import STRUTS
+from sim_core.structure.topology import STRUTS
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.lateness import Lateness
 

@@ -11,12 +11,12 @@ import numpy as np
 
 from hardware_bridge.bag_reader import Session
 from hardware_bridge.errors import BridgeError
-from sim_core.actuators import ActuatorParameters
-from sim_core.follow import Event, Follower, Observed, Pace, Sent, impossible
-from sim_core.frozen import label_of
-from sim_core.model import Model, build_model
-from sim_core.parameters import Prototype, load_prototype, parse_prototype
-from sim_core.strict_yaml import parse_yaml
+from sim_core.dynamics.actuators import ActuatorParameters
+from sim_core.dynamics.model import Model, build_model
+from sim_core.files.yaml_reader import parse_yaml
+from sim_core.structure.parameters import Prototype, load_prototype, parse_prototype
+from sim_core.twin.follower import Event, Follower, Observed, Pace, Sent, impossible
+from sim_core.twin.model_versions import label_of
 
 MOST_GAP_S, MOST_S = 86_400.0, 7 * 86_400.0
 """Robot time between two events, and of a whole bag, that is stepped through."""

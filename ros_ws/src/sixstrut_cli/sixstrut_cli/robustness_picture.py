@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from sim_core.attribution import Attribution
-from sim_core.robustness import Study
-from sim_core.symmetry import TC_TO
+from sim_core.structure.symmetry import TC_TO
+from sim_core.studies.attribution import Attribution
+from sim_core.studies.robustness import Study
 from sixstrut_cli.pictures import new_figure
 
 COLORS = {True: "#0072b2", False: "#e69f00"}

@@ -8,12 +8,12 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from sim_core.attribution import Attribution
-from sim_core.chunks import Cost
-from sim_core.library import Library, gait_of
-from sim_core.rates import EXCHANGEABLE, ONE_GAIT, Rate
-from sim_core.robustness import Study
-from sim_core.uncertainty import GROUPS, OURS
+from sim_core.gaits.library import Library, gait_of
+from sim_core.studies.attribution import Attribution
+from sim_core.studies.binomial_intervals import EXCHANGEABLE, ONE_GAIT, Rate
+from sim_core.studies.robustness import Study
+from sim_core.studies.tasks import Cost
+from sim_core.uncertainty.distribution import GROUPS, OURS
 from sixstrut_cli.tables import cell_of
 
 WORST = 8

@@ -5,8 +5,8 @@ from __future__ import annotations
 import random
 from itertools import pairwise
 
-from sim_core.structure import NEIGHBOURS
-from sim_core.symmetry import GROUP, REFERENCE_TC, REFERENCE_TO, carrier
+from sim_core.structure.symmetry import GROUP, REFERENCE_TC, REFERENCE_TO, carrier
+from sim_core.structure.topology import NEIGHBOURS
 
 DRAWS = 50
 REFERENCE = {REFERENCE_TC: REFERENCE_TO, REFERENCE_TO: REFERENCE_TC}

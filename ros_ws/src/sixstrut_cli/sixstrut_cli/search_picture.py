@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_core.library import Library
-from sim_core.symmetry import CLASSES
+from sim_core.gaits.library import Library
+from sim_core.structure.symmetry import CLASSES
 from sixstrut_cli.pictures import new_figure
 
 SCALE_MM = 45

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from hardware_bridge.codecs.registry import parse_board
 from hardware_bridge.virtual_port import Handshake, read_handshake
-from sim_core.actuators import require_actuators
-from sim_core.library import load_library
-from sim_core.structure import require_face
-from sim_core.warm_up import Stage
+from sim_core.dynamics.actuators import require_actuators
+from sim_core.gaits.library import load_library
+from sim_core.rolling.warm_up import Stage
+from sim_core.structure.topology import require_face
 from sixstrut_cli.compiling import compile_first
 from sixstrut_cli.domain import private_domain
 from sixstrut_cli.stack import Stack, Uninterrupted, executable, ros_arguments, wait_until

@@ -10,10 +10,10 @@ from hardware_bridge.calibration import load_calibration
 from hardware_bridge.checks import Rules
 from hardware_bridge.limits import Limits, Pacing
 from hardware_bridge.shape_memory import ShapeCheck
-from sim_core.elements import elements_of
-from sim_core.frozen import label_of
-from sim_core.library import libraries_folder, load_library
-from sim_core.parameters import default_path, load_prototype
+from sim_core.gaits.library import libraries_folder, load_library
+from sim_core.structure.elements import elements_of
+from sim_core.structure.parameters import default_path, load_prototype
+from sim_core.twin.model_versions import label_of
 from tensegrity_robot.parameters import parameter
 
 

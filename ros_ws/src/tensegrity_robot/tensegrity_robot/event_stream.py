@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from hardware_bridge.text import printable
-from sim_core.follow import Event, Observed, Order, Pace, Sent, impossible
+from sim_core.twin.follower import Event, Observed, Order, Pace, Sent, impossible
 from tensegrity_robot.live_bridge import FRESH_S
 
 SILENT_NS = 2_000_000_000

@@ -4,10 +4,10 @@ A mixed logistic regression, fitted anew after every roll (its posterior mode; B
 
     logit p = logit(odds known before) + a + b_primitive + c_roll + d_gait + lean · u / s_primitive
 
-u is the unit vector, on the floor, of the roll's heading, and s how steep the primitive climbs (`sim_core.climbs`): on a slope,
-gaits that climb little fail first, and those that climb steeply last. So one miss uphill makes all rolls uphill less believed,
-most those by gaits that climb little; and one of a poor gait that gait most, then its primitive's other gaits, then the other
-gaits of the same roll. The effects are normal about 0.
+u is the unit vector, on the floor, of the roll's heading, and s how steep the primitive climbs (`sim_core.gaits.climb_limits`): on
+a slope, gaits that climb little fail first, and those that climb steeply last. So one miss uphill makes all rolls uphill less
+believed, most those by gaits that climb little; and one of a poor gait that gait most, then its primitive's other gaits, then the
+other gaits of the same roll. The effects are normal about 0.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from collections.abc import Callable
 import numpy as np
 from scipy.special import expit, logit
 
-from sim_core.climbs import usual_deg
-from sim_core.elements import Array
-from sim_core.floor import LEVEL
-from sim_core.library import Gait
+from sim_core.gaits.climb_limits import usual_deg
+from sim_core.gaits.library import Gait
+from sim_core.planning.floor_planner import LEVEL
+from sim_core.structure.elements import Array
 
 SPREAD_ALL, SPREAD_PRIMITIVE, SPREAD_ROLL, SPREAD_GAIT = 0.7, 1.0, 0.7, 1.5
 """Standard deviations of the effects, in logits, before any roll."""
@@ -40,7 +40,7 @@ class Experience:
     """Rolls of one travel.
 
     Attributes:
-        lean: of the ground, as `sim_core.floor` has it: it points where rolls work better.
+        lean: of the ground, as `sim_core.planning.floor_planner` has it: it points where rolls work better.
     """
 
     def __init__(self, known: Callable[[Gait], float], climbs_deg: Callable[[Gait], float] = usual_deg):

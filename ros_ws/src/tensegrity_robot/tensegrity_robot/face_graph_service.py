@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from rclpy.node import Node
 
 from sim_core.errors import SimError
-from sim_core.face_graph import Choice
-from sim_core.face_graph import FaceGraph as Graph
-from sim_core.structure import NEIGHBOURS, require_face
+from sim_core.planning.face_graph import Choice
+from sim_core.planning.face_graph import FaceGraph as Graph
+from sim_core.structure.topology import NEIGHBOURS, require_face
 from tensegrity_interfaces.msg import GaitOdds
 from tensegrity_interfaces.srv import FaceGraph
 

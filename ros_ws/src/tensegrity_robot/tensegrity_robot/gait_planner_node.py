@@ -22,16 +22,16 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hardware_bridge.errors import may_be_sent_again
 from sim_core.errors import SimError
-from sim_core.face_graph import FaceGraph
-from sim_core.library import Gait, load_library
-from sim_core.odds import load_odds
-from sim_core.parameters import load_prototype
-from sim_core.perturbation import MAX_SCALE
-from sim_core.policy import lengths_of, neutral_lengths
-from sim_core.rehearsal import SEED
-from sim_core.structure import require_adjacent
-from sim_core.uncertainty import MAX_INCLINE_DEG, Law
-from sim_core.warm_up import Stage, is_warm
+from sim_core.gaits.library import Gait, load_library
+from sim_core.gaits.success_probability import load_odds
+from sim_core.planning.face_graph import FaceGraph
+from sim_core.rolling.warm_up import Stage, is_warm
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.policy import lengths_of, neutral_lengths
+from sim_core.structure.topology import require_adjacent
+from sim_core.studies.rehearsal import SEED
+from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, Law
+from sim_core.uncertainty.seeded_perturbation import MAX_SCALE
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot import qos

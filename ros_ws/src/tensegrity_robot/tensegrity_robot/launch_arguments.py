@@ -12,11 +12,11 @@ from hardware_bridge.calibration import load_calibration
 from hardware_bridge.codecs.registry import parse_board
 from hardware_bridge.errors import BridgeError
 from sim_core.errors import SimError
-from sim_core.library import load_library
-from sim_core.odds import load_odds
-from sim_core.perturbation import MAX_SCALE
-from sim_core.structure import require_face
-from sim_core.uncertainty import MAX_INCLINE_DEG
+from sim_core.gaits.library import load_library
+from sim_core.gaits.success_probability import load_odds
+from sim_core.structure.topology import require_face
+from sim_core.uncertainty.distribution import MAX_INCLINE_DEG
+from sim_core.uncertainty.seeded_perturbation import MAX_SCALE
 from tensegrity_robot.errors import StartError
 from tensegrity_robot.session_log import bag_folder
 

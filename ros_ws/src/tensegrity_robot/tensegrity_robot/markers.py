@@ -7,9 +7,9 @@ from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from sim_core.elements import Array
-from sim_core.robot import Robot
-from sim_core.structure import FACES, STRUTS, TENDONS
+from sim_core.dynamics.robot import Robot
+from sim_core.structure.elements import Array
+from sim_core.structure.topology import FACES, STRUTS, TENDONS
 from tensegrity_robot.messages import point, pose
 
 NAMESPACE = "twin"

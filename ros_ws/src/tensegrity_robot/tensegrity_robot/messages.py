@@ -8,11 +8,11 @@ from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
-from sim_core.elements import Array
-from sim_core.follow import Observed, Sent
-from sim_core.robot import Robot
-from sim_core.rotation import quaternion_of
-from sim_core.structure import TENDONS
+from sim_core.dynamics.robot import Robot
+from sim_core.structure.elements import Array
+from sim_core.structure.rotations import quaternion_of
+from sim_core.structure.topology import TENDONS
+from sim_core.twin.follower import Observed, Sent
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 
 STRUT_NAMES = [f"S{number}" for number in range(1, 7)]

@@ -14,7 +14,7 @@ from hardware_bridge.events import SentEvent, Snapshot
 from hardware_bridge.observation import Observation
 from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.remote_bridge import RemoteBridge
-from sim_core.structure import STRUTS
+from sim_core.structure.topology import STRUTS
 from tensegrity_interfaces.msg import FaceObservation
 from tensegrity_robot import bridge_messages, qos
 from tensegrity_robot.filters import ObservationFilter

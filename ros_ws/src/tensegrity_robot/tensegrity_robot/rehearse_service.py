@@ -10,9 +10,9 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from sim_core.errors import SimError
-from sim_core.face_graph import FaceGraph
-from sim_core.library import Gait, gait_of
-from sim_core.structure import NEIGHBOURS, require_adjacent
+from sim_core.gaits.library import Gait, gait_of
+from sim_core.planning.face_graph import FaceGraph
+from sim_core.structure.topology import NEIGHBOURS, require_adjacent
 from tensegrity_interfaces.srv import Rehearse
 from tensegrity_robot.errors import RollRefused
 from tensegrity_robot.rehearsing import Rehearser, Rehearsing

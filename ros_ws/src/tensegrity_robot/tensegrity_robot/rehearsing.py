@@ -7,14 +7,14 @@ from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
-from sim_core.face_graph import FaceGraph
-from sim_core.library import Gait
-from sim_core.model import build_model
-from sim_core.parameters import Prototype
-from sim_core.rehearsal import Ensemble, Rehearsed
-from sim_core.structure import NEIGHBOURS
-from sim_core.uncertainty import Law
-from sim_core.warm_up import Stage, is_warm, warm_up
+from sim_core.dynamics.model import build_model
+from sim_core.gaits.library import Gait
+from sim_core.planning.face_graph import FaceGraph
+from sim_core.rolling.warm_up import Stage, is_warm, warm_up
+from sim_core.structure.parameters import Prototype
+from sim_core.structure.topology import NEIGHBOURS
+from sim_core.studies.rehearsal import Ensemble, Rehearsed
+from sim_core.uncertainty.distribution import Law
 from tensegrity_interfaces.msg import Rehearsal, RehearsedGait
 
 

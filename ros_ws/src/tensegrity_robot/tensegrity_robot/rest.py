@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from sim_core.robot import Robot
+from sim_core.dynamics.robot import Robot
 
 
 class RestWatch:

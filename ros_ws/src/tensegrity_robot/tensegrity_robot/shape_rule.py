@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 
 from sim_core.errors import SimError
-from sim_core.parameters import load_prototype
+from sim_core.structure.parameters import load_prototype
 
 READY_LIMIT_S = 180.0
 """The first time on a machine everything is compiled."""
@@ -33,7 +33,7 @@ class ShapeRule:
 
     def _make(self) -> None:
         try:
-            from sim_core.shape import ShapeJudge, ShapeLimits
+            from sim_core.rolling.shape_check import ShapeJudge, ShapeLimits
 
             self._judge = ShapeJudge(self._prototype, ShapeLimits.of(self._prototype, self._slack_limit))
             self._judge([self._prototype.strut_length_m] * 6)

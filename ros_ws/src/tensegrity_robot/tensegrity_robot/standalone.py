@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sim_core.dynamics.model import Model
+from sim_core.dynamics.robot import Robot
 from sim_core.errors import brief
-from sim_core.model import Model
-from sim_core.robot import Robot
 
 STRUT_NAMES = tuple(f"S{number}" for number in range(1, 7))
 

@@ -25,13 +25,13 @@ from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Header
 
-from sim_core.elements import Array
+from sim_core.dynamics.model import build_model
 from sim_core.errors import SimError
-from sim_core.floor import REACH_M, Floor, Stance
-from sim_core.library import load_library
-from sim_core.model import build_model
-from sim_core.odds import load_odds
-from sim_core.parameters import load_prototype
+from sim_core.gaits.library import load_library
+from sim_core.gaits.success_probability import load_odds
+from sim_core.planning.floor_planner import REACH_M, Floor, Stance
+from sim_core.structure.elements import Array
+from sim_core.structure.parameters import load_prototype
 from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import FaceGraph

@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections import Counter
 from typing import NamedTuple
 
-from sim_core.climbs import load_climbs, usual_deg
 from sim_core.errors import SimError
-from sim_core.face_graph import FaceGraph
-from sim_core.floor import Floor, Stance, Way
-from sim_core.library import Gait, Library
-from sim_core.odds import Odds
-from sim_core.structure import NEIGHBOURS
+from sim_core.gaits.climb_limits import load_climbs, usual_deg
+from sim_core.gaits.library import Gait, Library
+from sim_core.gaits.success_probability import Odds
+from sim_core.planning.face_graph import FaceGraph
+from sim_core.planning.floor_planner import Floor, Stance, Way
+from sim_core.structure.topology import NEIGHBOURS
 from tensegrity_robot.experience import Experience
 
 Key = tuple[str, str, str]

@@ -23,15 +23,15 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from hardware_bridge.streamer import Streamer
-from sim_core.actuators import following, require_actuators
+from sim_core.dynamics.actuators import following, require_actuators
+from sim_core.dynamics.model import build_model
+from sim_core.dynamics.robot import Robot
 from sim_core.errors import DivergedError, SimError
-from sim_core.follow import Event, Follower, Observed
-from sim_core.model import build_model
-from sim_core.parameters import load_prototype
-from sim_core.perturbation import MAX_SCALE, perturb
-from sim_core.robot import Robot
-from sim_core.structure import require_face
-from sim_core.warm_up import Stage, is_warm, warm_up
+from sim_core.rolling.warm_up import Stage, is_warm, warm_up
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.topology import require_face
+from sim_core.twin.follower import Event, Follower, Observed
+from sim_core.uncertainty.seeded_perturbation import MAX_SCALE, perturb
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 from tensegrity_robot import messages, qos
 from tensegrity_robot.errors import StartError

@@ -11,15 +11,15 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numba import njit
 
-from sim_core import kernel as k
-from sim_core.batch import Batch, Job
-from sim_core.elements import Array
-from sim_core.lanes import ALIGNMENT, WIDTH
-from sim_core.model import build_model
-from sim_core.parameters import Prototype
-from sim_core.policy import Policy, lengths_of
-from sim_core.robot import Robot
-from sim_core.roll import RollResult
+from sim_core.dynamics import vfife as k
+from sim_core.dynamics.model import build_model
+from sim_core.dynamics.robot import Robot
+from sim_core.dynamics.simd import ALIGNMENT, WIDTH
+from sim_core.rolling.batch import Batch, Job
+from sim_core.rolling.roll import RollResult
+from sim_core.structure.elements import Array
+from sim_core.structure.parameters import Prototype
+from sim_core.structure.policy import Policy, lengths_of
 
 
 class Task(NamedTuple):

@@ -7,11 +7,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_core.fitting import stood_on_target
-from sim_core.library import Library, gait_of
-from sim_core.parameters import Prototype
-from sim_core.rates import Rate, rates_along
-from sim_core.symmetry import rolls_of
+from sim_core.gaits.library import Library, gait_of
+from sim_core.structure.parameters import Prototype
+from sim_core.structure.symmetry import rolls_of
+from sim_core.studies.binomial_intervals import Rate, rates_along
+from sim_core.studies.ensemble_fit import stood_on_target
 from sixstrut_cli.bench.engines import Task
 from sixstrut_cli.bench.mujoco_engine import MuJoCo
 

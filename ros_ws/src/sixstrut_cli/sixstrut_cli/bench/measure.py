@@ -11,14 +11,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_core.library import load_library
-from sim_core.model import build_model
-from sim_core.parameters import Prototype
-from sim_core.policy import checked_policy
-from sim_core.rehearsal import MEMBERS, Ensemble
-from sim_core.roll import RollResult
-from sim_core.structure import FACES, NEIGHBOURS
-from sim_core.watch import SAMPLE_S
+from sim_core.dynamics.model import build_model
+from sim_core.gaits.library import load_library
+from sim_core.rolling.roll import RollResult
+from sim_core.rolling.roll_monitor import SAMPLE_S
+from sim_core.structure.parameters import Prototype
+from sim_core.structure.policy import checked_policy
+from sim_core.structure.topology import FACES, NEIGHBOURS
+from sim_core.studies.rehearsal import MEMBERS, Ensemble
 from sixstrut_cli.bench.engines import Engine, Moment, SixStrut, Task
 from sixstrut_cli.bench.mujoco_engine import MuJoCo
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import psutil
 
-from sim_core.parameters import load_prototype
+from sim_core.structure.parameters import load_prototype
 from sixstrut_cli.bench.engines import Engine, SixStrut
 from sixstrut_cli.bench.measure import Memory, tasks_of
 from sixstrut_cli.bench.mujoco_engine import MuJoCo

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from sim_core import kernel as k
-from sim_core import watch as w
-from sim_core.elements import Array
-from sim_core.model import build_model
-from sim_core.parameters import Prototype
-from sim_core.policy import Policy, lengths_of, neutral_lengths
-from sim_core.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
-from sim_core.roll import RollResult, face_number, result_of, rules_of
-from sim_core.watch import SAMPLE_S
+from sim_core.dynamics import vfife as k
+from sim_core.dynamics.model import build_model
+from sim_core.dynamics.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
+from sim_core.rolling import roll_monitor as w
+from sim_core.rolling.roll import RollResult, face_number, result_of, rules_of
+from sim_core.rolling.roll_monitor import SAMPLE_S
+from sim_core.structure.elements import Array
+from sim_core.structure.parameters import Prototype
+from sim_core.structure.policy import Policy, lengths_of, neutral_lengths
 from sixstrut_cli.bench import mujoco_model
 from sixstrut_cli.bench.engines import Crowd, Moment, Task
 

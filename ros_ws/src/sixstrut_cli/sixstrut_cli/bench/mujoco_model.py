@@ -19,10 +19,10 @@ from typing import Any
 
 import numpy as np
 
-from sim_core.elements import IMPROVED, Array, Elements
-from sim_core.kernel import JOINTS, POINTS_PER_JOINT
-from sim_core.rotation import quaternion_of
-from sim_core.structure import STRUTS
+from sim_core.dynamics.vfife import JOINTS, POINTS_PER_JOINT
+from sim_core.structure.elements import IMPROVED, Array, Elements
+from sim_core.structure.rotations import quaternion_of
+from sim_core.structure.topology import STRUTS
 
 SERVO_DAMPING_N_S_M = 300.0
 """Of a strut's servo. A strut that moves at the actuator's speed lags by 0.05 mm."""

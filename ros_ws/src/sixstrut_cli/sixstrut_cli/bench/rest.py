@@ -8,10 +8,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim_core.model import build_model
-from sim_core.parameters import Prototype
-from sim_core.robot import Robot
-from sim_core.structure import TENDONS
+from sim_core.dynamics.model import build_model
+from sim_core.dynamics.robot import Robot
+from sim_core.structure.parameters import Prototype
+from sim_core.structure.topology import TENDONS
 from sixstrut_cli.bench.mujoco_model import compiled, positions_of, read_sensors
 
 STEP_S, SETTLE_S = 0.001, 8.0

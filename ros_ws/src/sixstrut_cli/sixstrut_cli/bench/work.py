@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 from numba import njit, typeof, types
 
-from sim_core import kernel, lanes
-from sim_core.elements import Array
-from sim_core.model import Model
+from sim_core.dynamics import simd, vfife
+from sim_core.dynamics.model import Model
+from sim_core.structure.elements import Array
 
 ARITHMETIC = ("add", "multiply", "divide", "root")
 MEMORY = ("load", "store")
@@ -99,9 +99,9 @@ def _counting(tally: Counter[str]) -> dict[str, Any]:
     def any_of(condition: bool) -> bool:
         return condition
 
-    names: dict[str, Any] = dict(vars(kernel))
+    names: dict[str, Any] = dict(vars(vfife))
     names |= {"load": load, "store": store, "select": select, "root": root, "any_of": any_of}
-    for module in (lanes, kernel):
+    for module in (simd, vfife):
         for name, value in vars(module).items():
             if hasattr(value, "py_func") and name in names:
                 plain = value.py_func
@@ -123,12 +123,12 @@ def compiled_operations(model: Model) -> dict[str, Counter[str]]:
     without wide registers."""
     rows = types.Array(types.float64, 2, "C")
     numbers = types.float64, types.float64, types.float64, types.int64
-    step = njit(kernel.advance.py_func)  # compiled here: code from numba's cache has no intermediate form left
+    step = njit(vfife.advance.py_func)  # compiled here: code from numba's cache has no intermediate form left
     step.compile((rows, rows, rows, typeof(model.assembly), *numbers))
     found: dict[str, Counter[str]] = {"packed": Counter(), "single": Counter()}
     for line in step.inspect_llvm(step.signatures[0]).splitlines():
         for kind in ("fadd", "fsub", "fmul", "fdiv", "llvm.sqrt"):
             if f" {kind} " in line or (f"@{kind}." in line and " call " in line):
-                width = "packed" if f"<{lanes.WIDTH} x double>" in line else "single"
+                width = "packed" if f"<{simd.WIDTH} x double>" in line else "single"
                 found[width][kind] += 1
     return found

@@ -7,17 +7,17 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from sim_core.batch import Batch, Job
-from sim_core.chunks import Report, silent
-from sim_core.face_graph import FaceGraph
-from sim_core.fitting import stood_on_target
-from sim_core.library import Library
-from sim_core.model import Model
-from sim_core.odds import load_odds
-from sim_core.perturbation import perturb
-from sim_core.policy import checked_policy
-from sim_core.recheck import NamedGait, verdicts
-from sim_core.roll import RollResult
+from sim_core.dynamics.model import Model
+from sim_core.gaits.library import Library
+from sim_core.gaits.success_probability import load_odds
+from sim_core.planning.face_graph import FaceGraph
+from sim_core.rolling.batch import Batch, Job
+from sim_core.rolling.roll import RollResult
+from sim_core.structure.policy import checked_policy
+from sim_core.studies.ensemble_fit import stood_on_target
+from sim_core.studies.model_agreement import NamedGait, verdicts
+from sim_core.studies.tasks import Report, silent
+from sim_core.uncertainty.seeded_perturbation import perturb
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.folder import SessionFolder, Settings, begin_session
 from sixstrut_cli.trials.ledger import Ledger

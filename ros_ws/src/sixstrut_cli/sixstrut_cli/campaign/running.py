@@ -8,10 +8,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from sim_core.chunks import Report as Reporter
-from sim_core.library import Library, libraries_folder, load_library
-from sim_core.model import build_model
-from sim_core.parameters import load_prototype
+from sim_core.dynamics.model import build_model
+from sim_core.gaits.library import Library, libraries_folder, load_library
+from sim_core.structure.parameters import load_prototype
+from sim_core.studies.tasks import Report as Reporter
 from sixstrut_cli.campaign.fast import require_new, session_of
 from sixstrut_cli.campaign.sampled import Pair, chosen, table_of, through_the_stack
 from sixstrut_cli.errors import SessionError

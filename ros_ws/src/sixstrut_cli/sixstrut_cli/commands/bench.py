@@ -85,9 +85,9 @@ def _measure_stack(quick: bool, path: Path | None, as_json: bool) -> None:
 def _measure_solver(root: Path, quick: bool, threads: int | None, path: Path | None, as_json: bool, prototype: Path | None) -> None:
     import importlib
 
-    from sim_core.frozen import label_of
-    from sim_core.model import build_model
-    from sim_core.parameters import load_prototype
+    from sim_core.dynamics.model import build_model
+    from sim_core.structure.parameters import load_prototype
+    from sim_core.twin.model_versions import label_of
     from sixstrut_cli.bench import install, measure, report, rest
 
     say = _say
@@ -119,8 +119,8 @@ def _measure_solver(root: Path, quick: bool, threads: int | None, path: Path | N
 def _in_mujoco(root: Path, name: str, threads: int | None, as_json: bool, prototype: Path | None) -> None:
     import json
 
-    from sim_core.library import load_library
-    from sim_core.parameters import load_prototype
+    from sim_core.gaits.library import load_library
+    from sim_core.structure.parameters import load_prototype
     from sixstrut_cli.bench import install
     from sixstrut_cli.bench.library import text_of, tried_in_mujoco
 

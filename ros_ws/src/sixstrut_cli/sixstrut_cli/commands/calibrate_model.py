@@ -32,10 +32,10 @@ def command(
     sixstrut calibrate-model --frequency 4.8 --measured joint_mass_kg=0.0091 -o mine.yaml
     sixstrut calibrate-model --measured tendon_stiffness_n_m=395 --keep-ropes -o mine.yaml
     """
-    from sim_core.model import build_model
-    from sim_core.modes import calibrated, first_frequency_hz, vibrated_frequency_hz
-    from sim_core.parameters import default_path, load_prototype, rewritten, with_value
-    from sim_core.warm_up import Stage
+    from sim_core.dynamics.model import build_model
+    from sim_core.dynamics.vibration_modes import calibrated, first_frequency_hz, vibrated_frequency_hz
+    from sim_core.rolling.warm_up import Stage
+    from sim_core.structure.parameters import default_path, load_prototype, rewritten, with_value
     from sixstrut_cli.compiling import compile_first
 
     text = (prototype or default_path()).read_text(encoding="utf-8") if prototype is None or prototype.exists() else ""

@@ -39,7 +39,7 @@ def command(
     sixstrut campaign
     sixstrut campaign /tmp/small --primitives 1,21 --gaits reference --prototypes 1 --sample 2
     """
-    from sim_core.warm_up import Stage
+    from sim_core.rolling.warm_up import Stage
     from sixstrut_cli.bars import bars
     from sixstrut_cli.campaign.running import Asked, run
     from sixstrut_cli.compiling import compile_first

@@ -28,10 +28,10 @@ def command(
     """
     from rich.console import Console
 
-    from sim_core.actuators import require_actuators
-    from sim_core.climbs import climbs_text
-    from sim_core.library import load_library
-    from sim_core.warm_up import Stage
+    from sim_core.dynamics.actuators import require_actuators
+    from sim_core.gaits.climb_limits import climbs_text
+    from sim_core.gaits.library import load_library
+    from sim_core.rolling.warm_up import Stage
     from sixstrut_cli.climbing import climbs_of
     from sixstrut_cli.compiling import compile_first
 

@@ -52,7 +52,7 @@ def command(
     ROS_DOMAIN_ID=7 sixstrut console --port 8000
     sixstrut console --host 0.0.0.0        # from elsewhere too; not encrypted: use a trusted network
     """
-    from sim_core.warm_up import Stage
+    from sim_core.rolling.warm_up import Stage
     from sixstrut_cli.compiling import compile_first
     from sixstrut_cli.console.running import serve
     from sixstrut_cli.guarded import LOOPBACK, chosen_token, refuse_on_command_line

@@ -36,7 +36,7 @@ def command(
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
     from rich.table import Table
 
-    from sim_core.warm_up import Stage
+    from sim_core.rolling.warm_up import Stage
     from sixstrut_cli.compiling import compile_first
     from sixstrut_cli.faults.page import as_markdown, without_folders
     from sixstrut_cli.faults.running import run

@@ -53,8 +53,8 @@ def command(
     sixstrut fit bags/monday bags/tuesday --counts-only --odds ours.odds.yaml
     sixstrut fit --demonstrate
     """
-    from sim_core.model import build_model
-    from sim_core.parameters import load_prototype
+    from sim_core.dynamics.model import build_model
+    from sim_core.structure.parameters import load_prototype
     from sixstrut_cli.learning import running
     from sixstrut_cli.learning.trials_of import read_tries
 

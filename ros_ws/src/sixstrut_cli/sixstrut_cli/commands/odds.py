@@ -23,7 +23,7 @@ def command(
     sixstrut odds bags/example.mcap
     sixstrut odds bags/monday bags/tuesday --picture odds.png
     """
-    from sim_core.rates import rate_of
+    from sim_core.studies.binomial_intervals import rate_of
     from sixstrut_cli.foretold import bags_of, foretold_in
     from sixstrut_cli.trials.figures import odds_picture
     from sixstrut_cli.trials.statistics import calibration

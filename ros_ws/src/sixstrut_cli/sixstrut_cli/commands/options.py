@@ -9,10 +9,10 @@ from typing import Annotated
 import typer
 
 MOST_PERTURBATION = 0.3
-"""`sim_core.perturbation.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
+"""`sim_core.uncertainty.seeded_perturbation.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
 
 MOST_INCLINE_DEG = 20.0
-"""`sim_core.uncertainty.MAX_INCLINE_DEG`, by value as well."""
+"""`sim_core.uncertainty.distribution.MAX_INCLINE_DEG`, by value as well."""
 
 HIGHEST_DOMAIN = 101
 """`sixstrut_cli.domain.HIGHEST`, by value as well."""

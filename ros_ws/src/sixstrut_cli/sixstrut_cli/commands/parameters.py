@@ -11,11 +11,11 @@ from typing import Annotated
 
 import typer
 
-from sim_core.elements import elements_of
-from sim_core.frozen import label_of
-from sim_core.library import load_library
-from sim_core.parameters import Entry, Prototype, load_entries
-from sim_core.sensitivity import EACH, Influence, influences, stored_influences, stored_path, text_of
+from sim_core.gaits.library import load_library
+from sim_core.structure.elements import elements_of
+from sim_core.structure.parameters import Entry, Prototype, load_entries
+from sim_core.studies.sensitivity import EACH, Influence, influences, stored_influences, stored_path, text_of
+from sim_core.twin.model_versions import label_of
 from sixstrut_cli.commands.options import PrototypeOption
 
 
@@ -51,7 +51,7 @@ def command(
     if export is Export.json:
         document = {
             "schema": 1,
-            "units": "SI; numbering and axes as in the docstring of sim_core.elements.Elements",
+            "units": "SI; numbering and axes as in the docstring of sim_core.structure.elements.Elements",
             "prototype_hash": robot.hash,
             "model_hash": elements.hash,
             "prototype": asdict(robot),

@@ -22,7 +22,7 @@ def command(
     """
     from rich.progress import Progress
 
-    from sim_core.warm_up import Stage
+    from sim_core.rolling.warm_up import Stage
     from sixstrut_cli.compiling import compile_first
     from sixstrut_cli.playing import play
 

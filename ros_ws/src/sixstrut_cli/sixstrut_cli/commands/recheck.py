@@ -32,12 +32,12 @@ def command(
     sixstrut recheck gaits.yaml --bag bags/monday.mcap --bag bags/tuesday.mcap
     sixstrut recheck library.yaml --every-gait --perturbation 0.1
     """
-    from sim_core.elements import PREVIOUS
-    from sim_core.model import build_model
-    from sim_core.parameters import load_prototype
-    from sim_core.perturbation import perturb
-    from sim_core.recheck import compare, load_gaits, verdicts
-    from sim_core.warm_up import Stage
+    from sim_core.dynamics.model import build_model
+    from sim_core.rolling.warm_up import Stage
+    from sim_core.structure.elements import PREVIOUS
+    from sim_core.structure.parameters import load_prototype
+    from sim_core.studies.model_agreement import compare, load_gaits, verdicts
+    from sim_core.uncertainty.seeded_perturbation import perturb
     from sixstrut_cli.compiling import compile_first
 
     robot = load_prototype(prototype)

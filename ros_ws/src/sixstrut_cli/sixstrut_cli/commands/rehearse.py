@@ -37,16 +37,16 @@ def command(
     sixstrut rehearse --from TO5 --to TC6 --primitive P21 --scale 0.2 --incline 3
     sixstrut rehearse --from TC6 --ensemble ours.yaml
     """
-    from sim_core.ensemble_file import load_posterior
-    from sim_core.face_graph import FaceGraph
-    from sim_core.library import gait_of, load_library
-    from sim_core.model import build_model
-    from sim_core.odds import load_odds
-    from sim_core.parameters import load_prototype
-    from sim_core.rehearsal import Ensemble
-    from sim_core.structure import NEIGHBOURS, require_adjacent, require_face
-    from sim_core.uncertainty import Law
-    from sim_core.warm_up import Stage
+    from sim_core.dynamics.model import build_model
+    from sim_core.gaits.library import gait_of, load_library
+    from sim_core.gaits.success_probability import load_odds
+    from sim_core.planning.face_graph import FaceGraph
+    from sim_core.rolling.warm_up import Stage
+    from sim_core.structure.parameters import load_prototype
+    from sim_core.structure.topology import NEIGHBOURS, require_adjacent, require_face
+    from sim_core.studies.rehearsal import Ensemble
+    from sim_core.uncertainty.distribution import Law
+    from sim_core.uncertainty.ensemble import load_posterior
     from sixstrut_cli.compiling import compile_first
 
     require_face(source)

@@ -47,7 +47,7 @@ def command(
     sixstrut replay bags/example.mcap --picture session.png --set mu_s=0.45 --set mu_k=0.4
     sixstrut replay bags/monday/bags/session_20260102_030405.mcap --trial 17 --ensemble 24 --picture trial.png
     """
-    from sim_core.warm_up import Stage
+    from sim_core.rolling.warm_up import Stage
     from sixstrut_cli.compiling import compile_first
     from sixstrut_cli.trials.replayed import parsed_changes
 
@@ -68,7 +68,7 @@ def _by_trial(
 ) -> bool:
     from hardware_bridge.bag_reader import read_bag
     from hardware_bridge.bag_types import TOPICS
-    from sim_core.rehearsal import Ensemble
+    from sim_core.studies.rehearsal import Ensemble
     from sixstrut_cli.replaying import require_same_model
     from sixstrut_cli.trials.figures import course_picture
     from sixstrut_cli.trials.replayed import (
@@ -146,7 +146,7 @@ def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, 
 
     from hardware_bridge.bag_reader import read_session
     from hardware_bridge.bag_types import TOPICS
-    from sim_core.actuators import require_actuators
+    from sim_core.dynamics.actuators import require_actuators
     from sixstrut_cli.replaying import model_of, replay, require_same_model
     from sixstrut_cli.trials.replayed import changed_model
 

@@ -61,13 +61,13 @@ def command(
     sixstrut robustness mine.yaml --one-gait --design sobol --json
     sixstrut robustness robust --quick --cost
     """
-    from sim_core.attribution import attribute
-    from sim_core.chunks import compile_kernels
-    from sim_core.library import load_library
-    from sim_core.odds import odds_text
-    from sim_core.parameters import load_prototype
-    from sim_core.robustness import HELD_OUT_SEED, Plan, odds_of, require_held_out, study
-    from sim_core.uncertainty import Law, groups_of
+    from sim_core.gaits.library import load_library
+    from sim_core.gaits.success_probability import odds_text
+    from sim_core.structure.parameters import load_prototype
+    from sim_core.studies.attribution import attribute
+    from sim_core.studies.robustness import HELD_OUT_SEED, Plan, odds_of, require_held_out, study
+    from sim_core.studies.tasks import compile_kernels
+    from sim_core.uncertainty.distribution import Law, groups_of
     from sixstrut_cli.bars import bars
     from sixstrut_cli.cost_report import document_of as cost_document
     from sixstrut_cli.cost_report import figures_of, table_of, write_into

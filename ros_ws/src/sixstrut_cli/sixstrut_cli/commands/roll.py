@@ -37,13 +37,13 @@ def command(
     sixstrut roll --from TO5 --to TC6 --primitive P9 --model previous
     sixstrut roll --policy "-31 36 17 37 -34 -43" --picture roll.png
     """
-    from sim_core.library import gait_of, load_library
-    from sim_core.model import build_model
-    from sim_core.parameters import load_prototype
-    from sim_core.perturbation import perturb
-    from sim_core.roll import Sample, roll
-    from sim_core.structure import require_adjacent
-    from sim_core.warm_up import Stage
+    from sim_core.dynamics.model import build_model
+    from sim_core.gaits.library import gait_of, load_library
+    from sim_core.rolling.roll import Sample, roll
+    from sim_core.rolling.warm_up import Stage
+    from sim_core.structure.parameters import load_prototype
+    from sim_core.structure.topology import require_adjacent
+    from sim_core.uncertainty.seeded_perturbation import perturb
     from sixstrut_cli.compiling import compile_first
 
     require_adjacent(source, target)

@@ -29,19 +29,19 @@ def command(
     sixstrut route TC6 1.0,0.3
     sixstrut route TO5 TO12 --library mine.yaml --odds mine.odds.yaml --json
     """
-    from sim_core.face_graph import FaceGraph
-    from sim_core.library import load_library
-    from sim_core.odds import load_odds
+    from sim_core.gaits.library import load_library
+    from sim_core.gaits.success_probability import load_odds
+    from sim_core.planning.face_graph import FaceGraph
 
     shelf = load_library(library)
     known = load_odds(shelf, odds)
     graph = FaceGraph(shelf, known)
     if "," in target:
-        from sim_core.floor import Floor, Stance
-        from sim_core.model import build_model
-        from sim_core.parameters import load_prototype
-        from sim_core.structure import require_face
-        from sim_core.warm_up import Stage
+        from sim_core.dynamics.model import build_model
+        from sim_core.planning.floor_planner import Floor, Stance
+        from sim_core.rolling.warm_up import Stage
+        from sim_core.structure.parameters import load_prototype
+        from sim_core.structure.topology import require_face
         from sixstrut_cli.compiling import compile_first
 
         goal_m, start = place_of(target), Stance(require_face(source), 0.0, 0.0, 0.0)

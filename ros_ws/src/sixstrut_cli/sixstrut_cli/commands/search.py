@@ -14,13 +14,13 @@ import typer
 from sixstrut_cli.commands.options import JsonOption, PrototypeOption
 
 if TYPE_CHECKING:
-    from sim_core.ensemble_file import Posterior
-    from sim_core.parameters import Prototype
-    from sim_core.search import Search
+    from sim_core.search.genetic_search import Search
+    from sim_core.structure.parameters import Prototype
+    from sim_core.uncertainty.ensemble import Posterior
 
 
 class Name(StrEnum):
-    """Plans; see `sim_core.shipped`."""
+    """Plans; see `sim_core.search.library_recipes`."""
 
     improved = "improved"
     previous = "previous"
@@ -63,11 +63,11 @@ def command(
     sixstrut search robust --ensemble ours.yaml -o for_ours.yaml
     sixstrut search --active 3 --class TO5-TC6 --keep 5 -o three_struts.yaml
     """
-    from sim_core.library import library_text
-    from sim_core.parameters import load_prototype
-    from sim_core.search import Search
-    from sim_core.shipped import PLANS, fitted_to
-    from sim_core.warm_up import Stage
+    from sim_core.gaits.library import library_text
+    from sim_core.rolling.warm_up import Stage
+    from sim_core.search.genetic_search import Search
+    from sim_core.search.library_recipes import PLANS, fitted_to
+    from sim_core.structure.parameters import load_prototype
     from sixstrut_cli.compiling import compile_first
     from sixstrut_cli.farm import runner_of
     from sixstrut_cli.search_picture import library_picture
@@ -125,8 +125,8 @@ def command(
 
 def _posterior_of(path: Path, prototype: Prototype) -> Posterior:
     """A fitted ensemble of this robot. Raises EnsembleError."""
-    from sim_core.ensemble_file import load_posterior
-    from sim_core.model import build_model
+    from sim_core.dynamics.model import build_model
+    from sim_core.uncertainty.ensemble import load_posterior
 
     posterior = load_posterior(path)
     posterior.require(build_model(prototype))
@@ -135,7 +135,7 @@ def _posterior_of(path: Path, prototype: Prototype) -> Posterior:
 
 def _read(path: Path) -> Mapping[str, Any] | None:
     from sim_core.errors import FileError
-    from sim_core.files import read_text
+    from sim_core.files.bounded_reader import read_text
 
     try:
         state: Mapping[str, Any] = json.loads(read_text(path, 256_000_000))

@@ -47,8 +47,8 @@ def command(
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-    from sim_core.model import build_model
-    from sim_core.parameters import load_prototype
+    from sim_core.dynamics.model import build_model
+    from sim_core.structure.parameters import load_prototype
     from sim_core.validation import CASES, Setting
     from sixstrut_cli.validation_page import write_page
 

@@ -7,12 +7,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sim_core.elements import Array
-from sim_core.floor import Floor, Stance
-from sim_core.model import Model, build_model
-from sim_core.parameters import load_prototype
-from sim_core.robot import Robot
-from sim_core.structure import FACES, NEIGHBOURS
+from sim_core.dynamics.model import Model, build_model
+from sim_core.dynamics.robot import Robot
+from sim_core.planning.floor_planner import Floor, Stance
+from sim_core.structure.elements import Array
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.topology import FACES, NEIGHBOURS
 from sixstrut_cli.console.facts import Facts, Selection
 
 FARTHEST_M = 20.0

@@ -15,7 +15,7 @@ import numpy as np
 import tornado.ioloop
 
 from hardware_bridge.text import NAME_MOST, printable
-from sim_core.structure import FACES
+from sim_core.structure.topology import FACES
 from sixstrut_cli.console.facts import Facts, Page, Selection, document_of
 from sixstrut_cli.console.ground import FARTHEST_M, Ground
 from sixstrut_cli.console.ros_side import RosSide

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from sim_core.elements import Array
-from sim_core.floor import Stance
-from sim_core.structure import FACES, STRUTS, TENDONS
+from sim_core.planning.floor_planner import Stance
+from sim_core.structure.elements import Array
+from sim_core.structure.topology import FACES, STRUTS, TENDONS
 from sixstrut_cli.console.facts import Facts, Selection
 from sixstrut_cli.console.ground import Ground
 

@@ -189,7 +189,7 @@ class Lab:
 
     def begin_roll(self) -> Any:
         """A roll onto a neighbouring face, armed and under way."""
-        from sim_core.structure import NEIGHBOURS
+        from sim_core.structure.topology import NEIGHBOURS
 
         operator = self.operator
         wait_until(operator.is_quiet, START_LIMIT_S, "rest on a face")

@@ -14,7 +14,7 @@ from hardware_bridge.fault_injection import TO_BOARD
 from hardware_bridge.observation import Observation
 from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.virtual_port import observer_path
-from sim_core.structure import STRUTS as STRUT_ENDS
+from sim_core.structure.topology import STRUTS as STRUT_ENDS
 from sixstrut_cli.faults.lab import MID, Lab, Setup, stretched
 from sixstrut_cli.faults.processes import wait_until
 from sixstrut_cli.faults.scenario import Evidence, expect

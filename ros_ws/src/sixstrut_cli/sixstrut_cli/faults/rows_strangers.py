@@ -18,7 +18,7 @@ from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from sim_core.structure import NEIGHBOURS
+from sim_core.structure.topology import NEIGHBOURS
 from sixstrut_cli.faults.client import LATCHED
 from sixstrut_cli.faults.lab import ROLLING, STRUTS, Lab, stretched
 from sixstrut_cli.faults.processes import Process, wait_until

@@ -9,21 +9,21 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_core.batch import Batch, Job
-from sim_core.chunks import Report
-from sim_core.ensemble_file import Posterior
-from sim_core.fitting import Estimate, Fit, Seen, estimates, fit, prior_members, stood_on_target, wins_of
-from sim_core.learned_odds import WEIGHT
-from sim_core.library import Gait, Library, load_library
-from sim_core.members import LABELS, Member, Prior
-from sim_core.model import Model
-from sim_core.posterior import LAPSE, beta_mean, log_score, predictive
-from sim_core.rates import Rate, rate_of
-from sim_core.rehearsal import MEMBERS as DEFAULT_MEMBERS
-from sim_core.rehearsal import SEED as DEFAULT_SEED
-from sim_core.search import Search
-from sim_core.shipped import fitted_to
-from sim_core.uncertainty import Law, sample
+from sim_core.dynamics.model import Model
+from sim_core.gaits.library import Gait, Library, load_library
+from sim_core.rolling.batch import Batch, Job
+from sim_core.search.genetic_search import Search
+from sim_core.search.library_recipes import fitted_to
+from sim_core.studies.binomial_intervals import Rate, rate_of
+from sim_core.studies.ensemble_fit import Estimate, Fit, Seen, estimates, fit, prior_members, stood_on_target, wins_of
+from sim_core.studies.gait_posterior import WEIGHT
+from sim_core.studies.rehearsal import MEMBERS as DEFAULT_MEMBERS
+from sim_core.studies.rehearsal import SEED as DEFAULT_SEED
+from sim_core.studies.tasks import Report
+from sim_core.uncertainty.distribution import Law, sample
+from sim_core.uncertainty.ensemble import Posterior
+from sim_core.uncertainty.importance_weights import LAPSE, beta_mean, log_score, predictive
+from sim_core.uncertainty.robot_prior import LABELS, Member, Prior
 from sixstrut_cli.learning.odds_of import fitted_prior, gaits_of, roll_of
 
 TILT_DEG = 1.0

@@ -6,15 +6,15 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
-from sim_core.chunks import Report, silent
-from sim_core.elements import Array
-from sim_core.face_graph import FaceGraph
-from sim_core.fitting import Fit, Roll, Seen, wins_of
-from sim_core.library import Gait, Library, Primitive, gait_of
-from sim_core.model import Model
-from sim_core.odds import load_odds
-from sim_core.posterior import predictive, predictive_without_own, systematic
-from sim_core.symmetry import rolls_of
+from sim_core.dynamics.model import Model
+from sim_core.gaits.library import Gait, Library, Primitive, gait_of
+from sim_core.gaits.success_probability import load_odds
+from sim_core.planning.face_graph import FaceGraph
+from sim_core.structure.elements import Array
+from sim_core.structure.symmetry import rolls_of
+from sim_core.studies.ensemble_fit import Fit, Roll, Seen, wins_of
+from sim_core.studies.tasks import Report, silent
+from sim_core.uncertainty.importance_weights import predictive, predictive_without_own, systematic
 
 PREDICT_STREAM = 31
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from sim_core.fitting import LEAST
-from sim_core.learned_odds import WEIGHT
-from sim_core.rehearsal import MEMBERS as DEFAULT_MEMBERS
+from sim_core.studies.ensemble_fit import LEAST
+from sim_core.studies.gait_posterior import WEIGHT
+from sim_core.studies.rehearsal import MEMBERS as DEFAULT_MEMBERS
 from sixstrut_cli.learning.demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Case, Demonstration
 
 INTRODUCTION = """\
@@ -15,10 +15,10 @@ INTRODUCTION = """\
 `./sixstrut fit SESSION...` turns outcomes into an ensemble of robots that would have had them, for `rehearse --ensemble` and
 `search robust --ensemble`, and into odds of every gait on *this* robot (`--odds FILE`), for the planner's parameter
 `odds_file` and for `route --odds`. Robots are drawn from a prior, roll every tried gait, and are weighted by the outcomes
-that they foretell; how, and what a robot's parameters are, is told in `sim_core/sim_core/posterior.py` and
-`sim_core/sim_core/members.py`. Where it is not known in which direction a robot stood (sessions of the stack, and real ones),
-every trial of a member gets a direction of its own: of the slope only the steepness can then be told. A tried gait's odds
-count its own trials once: the ensemble's part leaves them out.
+that they foretell; how, and what a robot's parameters are, is told in `sim_core/sim_core/uncertainty/importance_weights.py` and
+`sim_core/sim_core/uncertainty/robot_prior.py`. Where it is not known in which direction a robot stood (sessions of the stack,
+and real ones), every trial of a member gets a direction of its own: of the slope only the steepness can then be told. A tried
+gait's odds count its own trials once: the ensemble's part leaves them out.
 
 This page is written by `./sixstrut fit --demonstrate`; do not edit it, run the command again. **All trials here are
 virtual**: hidden robots and ensemble share the model's equations, so this tests the method, not how well it would do on a

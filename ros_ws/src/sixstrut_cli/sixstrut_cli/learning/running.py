@@ -6,16 +6,16 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
-from sim_core.ensemble_file import Posterior, posterior_text
+from sim_core.dynamics.model import Model
 from sim_core.errors import ParameterError
-from sim_core.fitting import LEAST, Fit, estimates, fit
-from sim_core.learned_odds import learned_odds
-from sim_core.library import load_library
-from sim_core.members import LABELS, Prior
-from sim_core.model import Model
-from sim_core.odds import odds_text
-from sim_core.rehearsal import MEMBERS
-from sim_core.warm_up import Stage
+from sim_core.gaits.library import load_library
+from sim_core.gaits.success_probability import odds_text
+from sim_core.rolling.warm_up import Stage
+from sim_core.studies.ensemble_fit import LEAST, Fit, estimates, fit
+from sim_core.studies.gait_posterior import learned_odds
+from sim_core.studies.rehearsal import MEMBERS
+from sim_core.uncertainty.ensemble import Posterior, posterior_text
+from sim_core.uncertainty.robot_prior import LABELS, Prior
 from sixstrut_cli.bars import bars
 from sixstrut_cli.compiling import compile_first
 from sixstrut_cli.learning.demonstration import Setting, demonstrate, half_ranges
@@ -28,7 +28,7 @@ VIRTUAL = "These are virtual trials: the robot shares the model's equations, so 
 
 @dataclass(frozen=True)
 class Asked:
-    """How to fit; see `sim_core.fitting.fit` and `sim_core.learned_odds.learned_odds`."""
+    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_posterior.learned_odds`."""
 
     members: int
     rounds: int

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from hardware_bridge.bag_reader import read_session
 from hardware_bridge.bag_types import TOPICS
-from sim_core.elements import PREVIOUS
-from sim_core.fitting import Roll, Seen
-from sim_core.library import Library, load_library
-from sim_core.model import Model, build_model
-from sim_core.policy import checked_policy
-from sim_core.structure import NEIGHBOURS
+from sim_core.dynamics.model import Model, build_model
+from sim_core.gaits.library import Library, load_library
+from sim_core.structure.elements import PREVIOUS
+from sim_core.structure.policy import checked_policy
+from sim_core.structure.topology import NEIGHBOURS
+from sim_core.studies.ensemble_fit import Roll, Seen
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.outcomes import outcomes_of
 from sixstrut_cli.replaying import model_of

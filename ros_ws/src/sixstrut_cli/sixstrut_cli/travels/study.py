@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from sim_core.files import read_text
+from sim_core.files.bounded_reader import read_text
 from sixstrut_cli.lateness import LATE_S
 from sixstrut_cli.travels.trip import Trip, travel
 from sixstrut_cli.virtual_stack import VirtualRobot
@@ -28,12 +28,13 @@ INTRODUCTION = """\
 
 `./sixstrut travel 0.6,0.3` starts a stack and rolls the virtual prototype to a place on the floor. In a running stack the node
 `traveller` offers the action `travel` and listens to `goal_pose` (RViz's *2D Goal Pose*): it plans the likeliest sequence of rolls
-(A* over stances by −log odds and length, `sim_core/sim_core/floor.py`), asks the planner for the first one, looks where the robot
-rests, and plans anew. On hardware without an observer every roll waits for `set_face`. It knows how steep each primitive climbs
-with actuators that feel their load (`./sixstrut climb`), and it learns from its own rolls (`tensegrity_robot/experience.py`): a
-miss makes the gait less believed, its primitive and the roll's other gaits a little, and all rolls in that direction, as it is on
-a slope, most those by gaits that climb little: so the next way takes steeper climbers, or goes around. It gives up with a reason:
-too many rolls, no roll left that is likely to work, ten misses in a row, no face, no way, or what planner or bridge refuse.
+(A* over stances by −log odds and length, `sim_core/sim_core/planning/floor_planner.py`), asks the planner for the first one,
+looks where the robot rests, and plans anew. On hardware without an observer every roll waits for `set_face`. It knows how steep
+each primitive climbs with actuators that feel their load (`./sixstrut climb`), and it learns from its own rolls
+(`tensegrity_robot/experience.py`): a miss makes the gait less believed, its primitive and the roll's other gaits a little, and
+all rolls in that direction, as it is on a slope, most those by gaits that climb little: so the next way takes steeper climbers,
+or goes around. It gives up with a reason: too many rolls, no roll left that is likely to work, ten misses in a row, no face, no
+way, or what planner or bridge refuse.
 """
 
 

@@ -13,8 +13,8 @@ from typing import Any
 from hardware_bridge.bag_reader import read_session
 from hardware_bridge.bag_types import TOPICS
 from hardware_bridge.observer_client import ObserverClient
-from sim_core.parameters import load_prototype
-from sim_core.policy import neutral_lengths
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.policy import neutral_lengths
 from sixstrut_cli.domain import private_domain
 from sixstrut_cli.lateness import LateOrders
 from sixstrut_cli.pictures import observed_path

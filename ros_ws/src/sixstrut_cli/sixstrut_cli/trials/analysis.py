@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from sim_core.rates import Counts, Rate, counts_of, rate_of
-from sim_core.recheck import Agreement, compare
+from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of
+from sim_core.studies.model_agreement import Agreement, compare
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.folder import SessionFolder, open_session
 from sixstrut_cli.trials.ledger import LEDGER, read_lines, standing_of

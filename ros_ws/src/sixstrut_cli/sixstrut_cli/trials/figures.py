@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from matplotlib.colors import Colormap, ListedColormap
 
-from sim_core.rates import Rate
-from sim_core.structure import PAIRS
-from sim_core.symmetry import CARRIERS
+from sim_core.structure.symmetry import CARRIERS
+from sim_core.structure.topology import PAIRS
+from sim_core.studies.binomial_intervals import Rate
 from sixstrut_cli.pictures import draw_lengths, new_figure
 from sixstrut_cli.trials.analysis import Group
 from sixstrut_cli.trials.replayed import PARTED_M, Course
@@ -130,7 +130,7 @@ def odds_picture(rows: Sequence[tuple[str, Calibration | None]], path: Path) -> 
 
 
 def _rate_of(share: float, count: int) -> Rate:
-    from sim_core.rates import rate_of
+    from sim_core.studies.binomial_intervals import rate_of
 
     return rate_of(round(share * count), count)
 

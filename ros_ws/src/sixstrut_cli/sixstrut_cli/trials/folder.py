@@ -14,9 +14,9 @@ from typing import Any
 import yaml
 
 from sim_core.errors import FileError, brief
-from sim_core.files import read_text
-from sim_core.library import Library, library_text, load_library
-from sim_core.strict_yaml import read_yaml
+from sim_core.files.bounded_reader import read_text
+from sim_core.files.yaml_reader import read_yaml
+from sim_core.gaits.library import Library, library_text, load_library
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.ledger import sync_folder, write_durably
 from sixstrut_cli.trials.plan import Slot, plan_of, plan_text

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple, Protocol
 
-from sim_core.face_graph import FaceGraph
-from sim_core.structure import NEIGHBOURS
+from sim_core.planning.face_graph import FaceGraph
+from sim_core.structure.topology import NEIGHBOURS
 from sixstrut_cli.errors import SessionError, StackError
 from sixstrut_cli.keys import ENTER, Keys
 from sixstrut_cli.trials.lab import Lab, Rolled

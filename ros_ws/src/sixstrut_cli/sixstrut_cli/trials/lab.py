@@ -15,8 +15,8 @@ from typing import Any, NamedTuple
 
 from hardware_bridge.observer_client import ObserverClient
 from hardware_bridge.virtual_port import Handshake, read_handshake
-from sim_core.parameters import load_prototype
-from sim_core.policy import neutral_lengths
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.policy import neutral_lengths
 from sixstrut_cli.errors import SessionError, StackError
 from sixstrut_cli.lateness import LateOrders
 from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until

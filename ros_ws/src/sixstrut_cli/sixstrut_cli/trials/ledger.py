@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim_core.errors import FileError
-from sim_core.files import read_bytes
+from sim_core.files.bounded_reader import read_bytes
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.record import Event, Line, Outcome, header_text, line_of, text_of
 

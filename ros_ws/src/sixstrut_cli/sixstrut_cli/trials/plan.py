@@ -11,10 +11,10 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from sim_core.errors import SimError
-from sim_core.face_graph import FaceGraph
-from sim_core.library import Gait, Library, Primitive, gait_of
-from sim_core.structure import require_adjacent
-from sim_core.symmetry import class_of, rolls_of
+from sim_core.gaits.library import Gait, Library, Primitive, gait_of
+from sim_core.planning.face_graph import FaceGraph
+from sim_core.structure.symmetry import class_of, rolls_of
+from sim_core.structure.topology import require_adjacent
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.tables import cell_of, value_of
 

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 
 from hardware_bridge.bag_reader import Bag, Session, seconds_of
-from sim_core.actuators import ActuatorParameters, following
+from sim_core.dynamics.actuators import ActuatorParameters, following
+from sim_core.dynamics.model import Model, build_model
 from sim_core.errors import SimError
-from sim_core.follow import Follower
-from sim_core.library import Gait, Library, gait_of, parse_library
-from sim_core.model import Model, build_model
-from sim_core.parameters import Prototype, load_prototype, with_value
-from sim_core.strict_yaml import parse_yaml
+from sim_core.files.yaml_reader import parse_yaml
+from sim_core.gaits.library import Gait, Library, gait_of, parse_library
+from sim_core.structure.parameters import Prototype, load_prototype, with_value
+from sim_core.twin.follower import Follower
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.pictures import observed_path
 from sixstrut_cli.replaying import possible, prototype_in, sent_of

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-from sim_core.rates import Rate
+from sim_core.studies.binomial_intervals import Rate
 from sixstrut_cli.robustness_report import rate_document, shown, write_table
 from sixstrut_cli.trials import page
 from sixstrut_cli.trials.analysis import PAPER, Group, Told

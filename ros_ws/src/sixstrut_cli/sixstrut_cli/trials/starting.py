@@ -17,14 +17,14 @@ from rich.console import Console
 
 from hardware_bridge.codecs.registry import parse_board
 from hardware_bridge.virtual_port import read_handshake
-from sim_core.actuators import require_actuators
-from sim_core.face_graph import FaceGraph
-from sim_core.library import load_library
-from sim_core.model import build_model
-from sim_core.odds import load_odds
-from sim_core.parameters import load_prototype
-from sim_core.recheck import NamedGait, verdicts
-from sim_core.warm_up import Stage
+from sim_core.dynamics.actuators import require_actuators
+from sim_core.dynamics.model import build_model
+from sim_core.gaits.library import load_library
+from sim_core.gaits.success_probability import load_odds
+from sim_core.planning.face_graph import FaceGraph
+from sim_core.rolling.warm_up import Stage
+from sim_core.structure.parameters import load_prototype
+from sim_core.studies.model_agreement import NamedGait, verdicts
 from sixstrut_cli.compiling import compile_first
 from sixstrut_cli.domain import Domain, private_domain, robot_domain
 from sixstrut_cli.errors import SessionError

@@ -9,8 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
-from sim_core.parameters import load_prototype
-from sim_core.policy import neutral_lengths
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.policy import neutral_lengths
 from sixstrut_cli.bench.stack.figures import (
     Latency,
     Load,

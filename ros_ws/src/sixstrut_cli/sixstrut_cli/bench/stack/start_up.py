@@ -12,7 +12,7 @@ import time
 from collections import defaultdict
 from pathlib import Path
 
-from sim_core.warm_up import ALL, warm_up
+from sim_core.rolling.warm_up import ALL, warm_up
 from sixstrut_cli.bench.stack.figures import Compilation, Compiling, FirstState, Plan, StartUp
 from sixstrut_cli.bench.stack.probe import START_LIMIT_S, Probe
 from sixstrut_cli.bench.stack.usage import cpu_s

@@ -1,0 +1,49 @@
+"""Where compiled kernels are kept between processes.
+
+numba looks only at the file of the cached function itself: after a change of a function that it calls in another file it
+would go on using the
+old code. So the folder's name holds a hash of every source of this package. It lies beside the sources if that is writable,
+else in the user's cache.
+
+Whoever compiles takes `njit` from here, so that the folder is set before; what compiles nothing needs no numba at all.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+from pathlib import Path
+from typing import Any
+
+import numba
+from numba import njit as njit
+
+
+def sources_hash(*patterns: str) -> str:
+    """Identifies this package's sources; with patterns, such as "**/*.yaml", also the files that these name."""
+    package = Path(__file__).parent.parent
+    digest = hashlib.sha256()
+    for path in sorted({path for pattern in ("**/*.py", *patterns) for path in package.glob(pattern)}):
+        digest.update(path.relative_to(package).as_posix().encode())
+        digest.update(path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def use_own_folder() -> Path:
+    """Point numba at the folder for exactly these sources; must run before anything is compiled. A folder given by the user
+    (NUMBA_CACHE_DIR) is the parent then."""
+    package = Path(__file__).parent.parent
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if given:
+        parent = Path(given)
+    elif os.access(package, os.W_OK):
+        parent = package / "__pycache__"
+    else:
+        parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sixstrut"
+    folder = parent / f"kernels-{sources_hash()}"
+    config: Any = numba.config
+    config.CACHE_DIR = str(folder)
+    return folder
+
+
+use_own_folder()

@@ -1,0 +1,1 @@
+"""What is read from disk: bounded, strict, and told in one line when it is damaged."""

@@ -1,0 +1,1 @@
+"""Primitives, their 24 gaits, how probable each is to succeed, and doing one."""

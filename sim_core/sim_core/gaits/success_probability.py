@@ -1,0 +1,73 @@
+"""How likely each of a library's 24 × n gaits is to work: counts from a robustness study, kept in a file of their own."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sim_core.errors import LibraryError, YamlError, one_line
+from sim_core.files.yaml_reader import read_yaml
+from sim_core.gaits.library import Gait, Library, libraries_folder
+from sim_core.structure.symmetry import rolls_of
+
+SCHEMA = 1
+
+
+@dataclass(frozen=True)
+class Odds:
+    """Successes of trials, gait by gait.
+
+    Attributes:
+        library_hash: whose gaits these are. how: law, seed and number of the prototypes, in words.
+        trials: of each gait. wins: primitive name -> 24 successes, in the order of `rolls_of` its class.
+    """
+
+    library_hash: str
+    how: str
+    trials: int
+    wins: Mapping[str, tuple[int, ...]]
+
+    def of(self, gait: Gait) -> float:
+        """Probability that the gait works: mean of the Beta posterior of its counts over a uniform prior (Laplace's rule)."""
+        wins = self.wins[gait.primitive.name][rolls_of(gait.primitive.roll_class).index((gait.source, gait.target))]
+        return (wins + 1.0) / (self.trials + 2.0)
+
+
+def odds_text(odds: Odds) -> str:
+    """The YAML of a library's odds."""
+    head = {"schema": SCHEMA, "library_hash": odds.library_hash, "how": odds.how, "trials": odds.trials}
+    lines = [yaml.safe_dump(head, sort_keys=False, allow_unicode=True, width=120).rstrip(), "wins:"]
+    lines += [f"  {name}: [{', '.join(map(str, wins))}]" for name, wins in odds.wins.items()]
+    return "\n".join(lines) + "\n"
+
+
+def load_odds(library: Library, path: Path | None = None) -> Odds | None:
+    """Odds of a library from a file, or from the shipped one of its name; None if none is shipped, or it is another library's.
+
+    Raises:
+        LibraryError: a given file that cannot be read, or belongs to another library.
+    """
+    file = path or libraries_folder().parent / "odds" / f"{library.name}.yaml"
+    try:
+        document: Any = read_yaml(file)
+        odds = Odds(
+            str(document["library_hash"]),
+            str(document["how"]),
+            int(document["trials"]),
+            {str(name): tuple(int(won) for won in row) for name, row in document["wins"].items()},
+        )
+    except (OSError, YamlError, AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
+        if path is None:
+            return None
+        raise LibraryError(
+            f"cannot read odds {file}: {one_line(str(error), 200)}; make them with: sixstrut robustness LIBRARY --odds FILE"
+        ) from error
+    if odds.library_hash != library.hash:
+        if path is None:
+            return None
+        raise LibraryError(f"odds {file} are of library {odds.library_hash}, not of {library.name!r} ({library.hash})")
+    return odds

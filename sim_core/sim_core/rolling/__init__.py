@@ -1,0 +1,1 @@
+"""What a roll is, and whether it succeeded: one, or many at once."""

@@ -1,0 +1,1 @@
+"""Finding primitives: a genetic algorithm and what it tries them on."""

@@ -1,0 +1,1 @@
+"""What the robot is: nodes, struts, tendons, faces, symmetry, parameters. numpy only."""

@@ -1,0 +1,1 @@
+"""Monte Carlo over rolls: robustness, rehearsal, sensitivity, fits."""

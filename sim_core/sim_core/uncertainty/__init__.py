@@ -1,0 +1,1 @@
+"""Which robots this one might be: laws, samples, ensembles, weights."""

@@ -1,0 +1,1 @@
+"""How a case is run: any structure stepped, references without the solver."""

@@ -1,0 +1,41 @@
+"""Every validation case, as a test; the longest runs are shortened."""
+
+from dataclasses import replace
+
+import pytest
+
+from sim_core.structure.parameters import load_prototype
+from sim_core.validation import CASES, TOPICS, Case, Setting
+
+
+@pytest.fixture(scope="module")
+def setting():
+    return Setting(load_prototype(), full=False)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_solver_agrees_with_mechanics(name, setting):
+    case = CASES[name](setting)
+    assert case.passed, f"{case.name}: {case.measured} against {case.reference} {case.unit}, off by {case.error}, {case.note}"
+    assert case.checked.endswith(".")
+    assert case.source
+
+
+def test_case_names_are_unique():
+    assert len(CASES) == sum(len(topic.cases) for topic in TOPICS)
+
+
+def test_a_case_fails_beyond_its_tolerance_or_without_a_number():
+    case = Case("n", "c.", 1.0, 1.0, "m", 0.01, "s")
+    assert case.passed
+    assert not replace(case, measured=1.02).passed
+    assert not replace(case, measured=float("nan")).passed
+    assert replace(case, measured=0.005, reference=0.0, relative=False).passed
+    assert not replace(case, measured=0.02, reference=0.0, relative=False).passed
+
+
+def test_a_wrong_solver_is_found_out(setting):
+    """The suite is worth nothing if it cannot fail: a robot with other ropes has another first frequency."""
+    softer = setting.prototype.tendon_stiffness_n_m * 0.95
+    wrong = setting._replace(prototype=replace(setting.prototype, tendon_stiffness_n_m=softer))
+    assert not CASES["frequency_by_eigenvalues"](wrong).passed
