@@ -10,17 +10,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hardware_bridge.checks import Rules
-from hardware_bridge.codecs import lsc, maestro, ssc32
-from hardware_bridge.codecs.registry import parse_board
-from hardware_bridge.duty import Duty
-from hardware_bridge.engine import Engine
+from hardware_bridge.boards import lsc, maestro, ssc32
+from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.driver.engine import Engine
+from hardware_bridge.driver.events import Callbacks, SentEvent
+from hardware_bridge.driver.motion_handle import MotionHandle
 from hardware_bridge.errors import Refused
-from hardware_bridge.events import Callbacks, SentEvent
-from hardware_bridge.link import Link
-from hardware_bridge.motion import MotionHandle
-from hardware_bridge.protocol import Arm, Execute, Hold, Mode, Now, Prove, Stop
-from hardware_bridge.trajectory import Trajectory
+from hardware_bridge.link.board_link import Link
+from hardware_bridge.safety.duty_cycle import Duty
+from hardware_bridge.safety.limit_checks import Rules
+from hardware_bridge.safety.supervisor_messages import Arm, Execute, Hold, Mode, Now, Prove, Stop
+from hardware_bridge.safety.trajectory import Trajectory
 from tests.hardware_bridge.helpers import MID
 
 

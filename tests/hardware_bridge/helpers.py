@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hardware_bridge.codecs.lsc import CMD_BATTERY, Frame, FrameDecoder, Move, decode_move, encode_battery_reply
-from hardware_bridge.observation import Observation
+from hardware_bridge.boards.lsc import CMD_BATTERY, Frame, FrameDecoder, Move, decode_move, encode_battery_reply
+from hardware_bridge.prototype_client.observation import Observation
 
 MID_M = 0.234
 MID = (MID_M,) * 6

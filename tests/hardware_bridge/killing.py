@@ -15,12 +15,12 @@ from typing import NamedTuple
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
-from hardware_bridge.journal import finish_journal
+from hardware_bridge.recording.journal import finish_journal
 
 _WRITER = """
 import sys, threading
 from pathlib import Path
-from hardware_bridge.recorder import Recorder
+from hardware_bridge.recording.recorder import Recorder
 log = Recorder(Path(sys.argv[1]), lambda name: "string data\\n")
 number = 0
 pause = threading.Event()

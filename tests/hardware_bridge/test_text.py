@@ -43,7 +43,7 @@ def test_it_is_one_short_line_whatever_comes_and_stays_as_it_is(text, most):
 
 
 def test_a_holder_s_name_steers_nobody_s_terminal():
-    from hardware_bridge.bridge import _arming
+    from hardware_bridge.driver.bridge import _arming
 
     assert _arming("\x1b[31mme\r\n" + "x" * 1000, True, "lease", None).holder == "[31mme " + "x" * (NAME_MOST - 8) + "…"
     assert _arming("\x1b", True, "lease", None).holder == "somebody"

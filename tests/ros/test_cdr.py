@@ -10,7 +10,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from hardware_bridge.schemas import ShareSchemas
+from hardware_bridge.recording.message_definitions import ShareSchemas
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent, TrialRecord, TwinState
 from tensegrity_robot.cdr import wire_bytes
 

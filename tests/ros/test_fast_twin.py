@@ -6,7 +6,7 @@ from collections import defaultdict
 
 import pytest
 
-from hardware_bridge.bag_reader import read_session
+from hardware_bridge.recording.bag_reader import read_session
 from sixstrut_cli.bench.stack import running, start_up
 from sixstrut_cli.bench.stack.figures import Plan
 from sixstrut_cli.replaying import replay

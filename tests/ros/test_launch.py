@@ -20,7 +20,7 @@ from typing import Any
 import psutil
 import pytest
 
-from hardware_bridge.child import bound
+from hardware_bridge.driver.child_process import bound
 from tensegrity_robot.errors import StartError
 from tensegrity_robot.launch_arguments import ARGUMENTS, require_arguments, require_known
 

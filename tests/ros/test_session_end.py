@@ -16,8 +16,8 @@ from mcap_ros2.decoder import DecoderFactory
 from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from hardware_bridge.bag_reader import Session, read_session
-from hardware_bridge.codecs.lsc import FrameDecoder, Move, decode_move
+from hardware_bridge.boards.lsc import FrameDecoder, Move, decode_move
+from hardware_bridge.recording.bag_reader import Session, read_session
 from sim_core.dynamics.model import build_model
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.follower import Follower, Observed, Sent

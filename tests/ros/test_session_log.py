@@ -10,8 +10,8 @@ import pytest
 from rclpy.serialization import serialize_message
 from std_msgs.msg import String
 
-from hardware_bridge.bag_reader import read_session
 from hardware_bridge.errors import RecorderError
+from hardware_bridge.recording.bag_reader import read_session
 from tensegrity_robot import session_log
 from tensegrity_robot.filters import EventTimes, ObservationFilter
 from tensegrity_robot.session_log import SessionLog, bag_folder, bag_name, mend_journals

@@ -7,12 +7,12 @@ import sys
 
 import pytest
 
-from hardware_bridge.calibration import load_calibration
-from hardware_bridge.calibration_file import Unfinished
-from hardware_bridge.duty_record import DutyRecord
-from hardware_bridge.identity import Identity
-from hardware_bridge.last_pulses import LastPulses
-from hardware_bridge.limits import Limits
+from hardware_bridge.calibration.calibration_file import Unfinished
+from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.safety.limits import Limits
+from hardware_bridge.saved_state.duty_record import DutyRecord
+from hardware_bridge.saved_state.last_pulses import LastPulses
+from hardware_bridge.saved_state.robot_identity import Identity
 from tests.hardware_bridge.helpers import Wire, attended
 from tests.sixstrut_cli.terminal import DOWN, ENTER, LEFT, PAGE_DOWN, PAGE_UP, RIGHT, UP, Terminal
 

@@ -8,7 +8,7 @@ import sys
 
 import pytest
 
-from hardware_bridge.bag_reader import read_session
+from hardware_bridge.recording.bag_reader import read_session
 from sixstrut_cli.replaying import replay
 
 ROW = re.compile(

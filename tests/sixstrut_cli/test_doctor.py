@@ -10,11 +10,11 @@ import tty
 
 import pytest
 
-from hardware_bridge.calibration import STRUTS, load_calibration
-from hardware_bridge.calibration_file import Unfinished, write_calibration
-from hardware_bridge.codecs.lsc import Lsc
-from hardware_bridge.codecs.registry import parse_board
-from hardware_bridge.virtual_prototype.boards import emulate
+from hardware_bridge.boards.lsc import Lsc
+from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.calibration.calibration_file import Unfinished, write_calibration
+from hardware_bridge.calibration.pulse_map import STRUTS, load_calibration
+from hardware_bridge.virtual_prototype.boards.registry import emulate
 from sixstrut_cli.doctor import Health, check_calibration, check_folder, check_network
 from sixstrut_cli.doctor_port import check_bluetooth, check_port
 from tests.hardware_bridge.conftest import Running
@@ -56,7 +56,7 @@ def test_a_real_port_without_a_board_or_a_calibration_is_to_be_mended(tmp_path, 
 
 def test_a_board_that_answers_is_fine(monkeypatch):
     wire = Wire(answers=True)
-    monkeypatch.setattr("hardware_bridge.link.time.sleep", lambda seconds: wire.listen())
+    monkeypatch.setattr("hardware_bridge.link.board_link.time.sleep", lambda seconds: wire.listen())
     *_, link = check_port(wire.port, 9600, Lsc())
     wire.cut()
     assert (link.health, link.told) == (Health.FINE, "the board answers: servo supply 7.40 V")

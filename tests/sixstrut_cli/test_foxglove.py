@@ -22,8 +22,8 @@ from std_srvs.srv import Trigger
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from hardware_bridge.bag_reader import read_session
-from hardware_bridge.schemas import ShareSchemas
+from hardware_bridge.recording.bag_reader import read_session
+from hardware_bridge.recording.message_definitions import ShareSchemas
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.foxglove_server import FoxgloveServer
 from sixstrut_cli.guarded import MOST_UNSENT

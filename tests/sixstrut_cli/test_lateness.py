@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hardware_bridge.observation import Observation
+from hardware_bridge.prototype_client.observation import Observation
 from sixstrut_cli import lateness
 from sixstrut_cli.lateness import Lateness, LateOrders
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hardware_bridge.bag_reader import BagError, read_session, seconds_of
+from hardware_bridge.recording.bag_reader import BagError, read_session, seconds_of
 from sixstrut_cli import foretold
 from sixstrut_cli.foretold import bags_of, foretold_in
 from sixstrut_cli.trials.record import Event, Line, Outcome, utc_text

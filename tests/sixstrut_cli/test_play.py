@@ -16,8 +16,8 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from rclpy.signals import SignalHandlerOptions
 
-from hardware_bridge.bag_reader import read_session
-from hardware_bridge.bag_types import TOPICS
+from hardware_bridge.recording.bag_reader import read_session
+from hardware_bridge.recording.bag_types import TOPICS
 from sixstrut_cli import playing
 from sixstrut_cli.playing import TOLD, filled
 from sixstrut_cli.replaying import replay

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from hardware_bridge.bag_reader import BagError, Session, read_session
+from hardware_bridge.recording.bag_reader import BagError, Session, read_session
 from sim_core.dynamics.model import build_model
 from sim_core.errors import SimError
 from sixstrut_cli.outcomes import outcomes_of

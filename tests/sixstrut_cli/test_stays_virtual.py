@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from hardware_bridge.codecs.lsc import encode_battery_query
-from hardware_bridge.virtual_prototype.lsc_board import EmulatedLsc
+from hardware_bridge.boards.lsc import encode_battery_query
+from hardware_bridge.virtual_prototype.boards.lsc import EmulatedLsc
 from sixstrut_cli.faults.client import Operator
 from sixstrut_cli.faults.processes import Process, Processes, wait_until
 from tensegrity_interfaces.msg import BridgeState

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from hardware_bridge.bag_reader import read_session
-from hardware_bridge.fault_injection import FROM_BOARD, TO_BOARD
+from hardware_bridge.prototype_client.fault_client import FROM_BOARD, TO_BOARD
+from hardware_bridge.recording.bag_reader import read_session
 from sim_core.structure.topology import NEIGHBOURS
 from sixstrut_cli.faults.lab import Lab, Setup
 from sixstrut_cli.faults.processes import wait_until

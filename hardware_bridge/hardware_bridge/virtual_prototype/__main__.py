@@ -12,17 +12,17 @@ from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 
-from hardware_bridge.calibration import load_calibration
-from hardware_bridge.codecs.maestro import TIMEOUT_S, WIDEST_US
-from hardware_bridge.codecs.registry import VALID, parse_board
+from hardware_bridge.boards.maestro import TIMEOUT_S, WIDEST_US
+from hardware_bridge.boards.registry import VALID, parse_board
+from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.driver.events import FACES
 from hardware_bridge.errors import BridgeError, ParameterError
-from hardware_bridge.events import FACES
-from hardware_bridge.virtual_port import default_link
-from hardware_bridge.virtual_prototype.actuated_body import ActuatedBody
-from hardware_bridge.virtual_prototype.boards import emulate
+from hardware_bridge.prototype_client.handshake import default_link
+from hardware_bridge.virtual_prototype.boards.maestro import ControlCenter
+from hardware_bridge.virtual_prototype.boards.registry import emulate
 from hardware_bridge.virtual_prototype.body import SimulatedBody
-from hardware_bridge.virtual_prototype.maestro_board import ControlCenter
-from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
+from hardware_bridge.virtual_prototype.loaded_body import ActuatedBody
+from hardware_bridge.virtual_prototype.main_loop import VirtualPrototype
 from sim_core.dynamics.actuators import STAND_IN, require_actuators
 from sim_core.errors import SimError
 

@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware_bridge.observation import Observation
+from hardware_bridge.prototype_client.observation import Observation
 from sim_core.dynamics.actuators import ActuatorParameters, following
 
 REST_S = 0.2
@@ -96,14 +96,14 @@ class SimulatedBody:
         return self._robot.step - self._first_step
 
     def set_targets(self, lengths_m: NDArray[np.float64]) -> None:
-        """See :class:`Body`."""
+        """See `Body`."""
         targets_m = np.where(np.isnan(lengths_m), self._targets_m, lengths_m)
         if not np.array_equal(targets_m, self._targets_m):
             self._targets_m = targets_m
             self._robot.set_targets(targets_m)
 
     def advance_to(self, time_s: float) -> None:
-        """See :class:`Body`."""
+        """See `Body`."""
         steps = int(time_s * self._steps_per_second) - self._steps
         if steps > 0:
             self._step(steps)
@@ -115,15 +115,15 @@ class SimulatedBody:
 
     @property
     def supply_v(self) -> float | None:
-        """See :class:`Body`."""
+        """See `Body`."""
         return None
 
     def take_brown_out(self) -> bool:
-        """See :class:`Body`."""
+        """See `Body`."""
         return False
 
     def observe(self) -> Observation:
-        """See :class:`Body`."""
+        """See `Body`."""
         footing = self._robot.footing()
         return Observation(
             robot_time_ns=self._steps * 1_000_000_000 // self._steps_per_second,

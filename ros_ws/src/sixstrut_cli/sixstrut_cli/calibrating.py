@@ -9,11 +9,11 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hardware_bridge.calibration import LONGEST_NAME, STRUTS, Calibration, StrutCalibration, load_calibration, robot_name
-from hardware_bridge.calibration_file import Unfinished, write_calibration
+from hardware_bridge.calibration.calibration_file import Unfinished, write_calibration
+from hardware_bridge.calibration.pulse_map import LONGEST_NAME, STRUTS, Calibration, StrutCalibration, load_calibration, robot_name
+from hardware_bridge.calibration.two_point_fit import NOMINAL_PULSE_US, Measured, check_straight, fit, pulse_at_mm
+from hardware_bridge.driver.jogger import Jogger
 from hardware_bridge.errors import CalibrationError, DutyError
-from hardware_bridge.jogger import Jogger
-from hardware_bridge.strut_fit import NOMINAL_PULSE_US, Measured, check_straight, fit, pulse_at_mm
 from sixstrut_cli.keys import DOWN, ENTER, LEFT, PAGE_DOWN, PAGE_UP, RIGHT, UP, pressed
 
 Seen = Callable[[str], float | None]

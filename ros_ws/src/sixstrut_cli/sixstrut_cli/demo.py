@@ -13,8 +13,8 @@ from typing import Any
 
 from rich.console import Console
 
-from hardware_bridge.bag_reader import read_session
-from hardware_bridge.bag_types import TOPICS
+from hardware_bridge.recording.bag_reader import read_session
+from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from sim_core.structure.symmetry import GROUP, carrier

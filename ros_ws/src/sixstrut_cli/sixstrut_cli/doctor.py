@@ -12,13 +12,13 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple
 
-from hardware_bridge import virtual_port
-from hardware_bridge.calibration import load_calibration
-from hardware_bridge.calibration_file import Unfinished
-from hardware_bridge.codecs import Board
+from hardware_bridge.boards.board import Board
+from hardware_bridge.calibration.calibration_file import Unfinished
+from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.errors import BridgeError
-from hardware_bridge.state_file import state_directory
-from hardware_bridge.virtual_port import default_link
+from hardware_bridge.prototype_client import handshake as virtual_port
+from hardware_bridge.prototype_client.handshake import default_link
+from hardware_bridge.saved_state.state_file import state_directory
 from tensegrity_robot.discovery import PROFILES, RANGE
 from tensegrity_robot.session_log import bag_folder
 

@@ -10,10 +10,10 @@ import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
-from hardware_bridge.codecs import Board
+from hardware_bridge.boards.board import Board
 from hardware_bridge.errors import BridgeError, PortBusy
-from hardware_bridge.link import first_answer
-from hardware_bridge.transport import SerialTransport
+from hardware_bridge.link.board_link import first_answer
+from hardware_bridge.link.transport import SerialTransport
 from sixstrut_cli.doctor import Finding, Health
 
 ANSWER_LIMIT_S = 1.0

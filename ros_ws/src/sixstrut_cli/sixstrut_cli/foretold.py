@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hardware_bridge.bag_reader import BagError, Session, read_session, seconds_of
-from hardware_bridge.bag_types import TOPICS
+from hardware_bridge.recording.bag_reader import BagError, Session, read_session, seconds_of
+from hardware_bridge.recording.bag_types import TOPICS
 from sixstrut_cli.outcomes import Outcome, outcomes_of
 from sixstrut_cli.replaying import model_of
 from sixstrut_cli.trials.message import lines_in_bag

@@ -25,7 +25,7 @@ from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from hardware_bridge.errors import SchemaError
-from hardware_bridge.schemas import ShareSchemas
+from hardware_bridge.recording.message_definitions import ShareSchemas
 from hardware_bridge.text import printable
 from sixstrut_cli.errors import ConsoleError, StackError
 from sixstrut_cli.foxglove_protocol import ENCODING, Half, Hub, Service, Told

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 
-from hardware_bridge.observation import Observation
+from hardware_bridge.prototype_client.observation import Observation
 
 LATE_S = 1.0
 """A virtual prototype that took its orders later than this (s of robot time) has not done what it was told."""

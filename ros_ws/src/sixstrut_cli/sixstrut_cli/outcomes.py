@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from hardware_bridge.bag_reader import BagError, Session, seconds_of
+from hardware_bridge.recording.bag_reader import BagError, Session, seconds_of
 
 
 class Outcome(NamedTuple):

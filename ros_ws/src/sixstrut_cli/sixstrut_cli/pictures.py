@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hardware_bridge.bag_reader import Session, seconds_of
+from hardware_bridge.recording.bag_reader import Session, seconds_of
 from sim_core.rolling.roll import RollResult, Sample
 from sim_core.structure.topology import STRUTS, TENDONS
 from sixstrut_cli.replaying import Replay

@@ -21,7 +21,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
-from hardware_bridge.bag_reader import Bag, BagError, Recorded, Session, read_bag
+from hardware_bridge.recording.bag_reader import Bag, BagError, Recorded, Session, read_bag
 from hardware_bridge.text import printable
 from sim_core.twin.follower import MOST_TIME_SCALE
 from sixstrut_cli.errors import StackError

@@ -14,10 +14,10 @@ from types import TracebackType
 
 import numpy as np
 
-from hardware_bridge.child import bound
-from hardware_bridge.observation import Observation
-from hardware_bridge.observer_client import ObserverClient
-from hardware_bridge.virtual_port import read_handshake
+from hardware_bridge.driver.child_process import bound
+from hardware_bridge.prototype_client.handshake import read_handshake
+from hardware_bridge.prototype_client.observation import Observation
+from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.topology import STRUTS
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.lateness import Lateness

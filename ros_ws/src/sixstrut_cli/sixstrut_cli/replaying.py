@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hardware_bridge.bag_reader import Session
 from hardware_bridge.errors import BridgeError
+from hardware_bridge.recording.bag_reader import Session
 from sim_core.dynamics.actuators import ActuatorParameters
 from sim_core.dynamics.model import Model, build_model
 from sim_core.files.yaml_reader import parse_yaml

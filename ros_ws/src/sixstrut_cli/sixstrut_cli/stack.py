@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from types import FrameType, TracebackType
 
-from hardware_bridge.child import bound
+from hardware_bridge.driver.child_process import bound
 from sixstrut_cli.errors import StackError
 
 STOP_LIMIT_S = 20.0

@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardware_bridge.codecs.registry import parse_board
-from hardware_bridge.virtual_port import Handshake, read_handshake
+from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
 from sim_core.dynamics.actuators import require_actuators
 from sim_core.gaits.library import load_library
 from sim_core.rolling.warm_up import Stage

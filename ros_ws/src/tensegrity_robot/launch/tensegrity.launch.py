@@ -22,7 +22,7 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from hardware_bridge.child import bound
+from hardware_bridge.driver.child_process import bound
 from tensegrity_robot.launch_arguments import ARGUMENTS, require_arguments, require_known, truth
 
 PACKAGE = "tensegrity_robot"

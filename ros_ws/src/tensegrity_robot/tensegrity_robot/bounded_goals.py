@@ -10,7 +10,7 @@ from __future__ import annotations
 import ctypes
 from typing import Any
 
-from hardware_bridge.trajectory import MAX_KNOTS
+from hardware_bridge.safety.trajectory import MAX_KNOTS
 from tensegrity_interfaces.action import ExecuteStruts
 
 MOST_NAMES = 100

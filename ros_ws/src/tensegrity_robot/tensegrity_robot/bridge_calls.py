@@ -8,9 +8,9 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.lifecycle import LifecycleNode
 from std_srvs.srv import Trigger
 
+from hardware_bridge.driver.remote_bridge import RemoteBridge
 from hardware_bridge.errors import BridgeError, Refused
-from hardware_bridge.proofs import Verifier
-from hardware_bridge.remote_bridge import RemoteBridge
+from hardware_bridge.safety.lease_proof import Verifier
 from tensegrity_interfaces.msg import FaceObservation, LeaseProof
 from tensegrity_interfaces.srv import Arm, Disarm, SetFace
 from tensegrity_robot import qos

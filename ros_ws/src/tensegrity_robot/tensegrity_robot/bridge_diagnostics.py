@@ -10,9 +10,9 @@ from builtin_interfaces.msg import Time
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from std_msgs.msg import Header
 
-from hardware_bridge.events import Snapshot
-from hardware_bridge.latency import Percentiles
-from hardware_bridge.link import LATE_ANSWER_S
+from hardware_bridge.driver.events import Snapshot
+from hardware_bridge.link.board_link import LATE_ANSWER_S
+from hardware_bridge.link.latency import Percentiles
 from tensegrity_interfaces.msg import BridgeState
 
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE

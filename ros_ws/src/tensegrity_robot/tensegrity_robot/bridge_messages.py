@@ -9,9 +9,9 @@ from geometry_msgs.msg import PoseArray
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
 
-from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
-from hardware_bridge.observation import Observation
-from hardware_bridge.trajectory import Trajectory
+from hardware_bridge.driver.events import FaceEvent, SentEvent, Snapshot
+from hardware_bridge.prototype_client.observation import Observation
+from hardware_bridge.safety.trajectory import Trajectory
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent
 from tensegrity_robot.messages import pose
 from tensegrity_robot.session_log import SessionLog

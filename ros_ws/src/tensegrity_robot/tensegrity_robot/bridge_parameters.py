@@ -6,10 +6,10 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from hardware_bridge.calibration import load_calibration
-from hardware_bridge.checks import Rules
-from hardware_bridge.limits import Limits, Pacing
-from hardware_bridge.shape_memory import ShapeCheck
+from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.safety.limit_checks import Rules
+from hardware_bridge.safety.limits import Limits, Pacing
+from hardware_bridge.safety.shape_cache import ShapeCheck
 from sim_core.gaits.library import libraries_folder, load_library
 from sim_core.structure.elements import elements_of
 from sim_core.structure.parameters import default_path, load_prototype

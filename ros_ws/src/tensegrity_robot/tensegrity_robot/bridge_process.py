@@ -22,7 +22,7 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from hardware_bridge.bridge_host import MOST_BYTES, BridgeHost
+from hardware_bridge.driver.bridge_host import MOST_BYTES, BridgeHost
 from tensegrity_robot.discovery import discovery_changes, loopback_profile
 
 COMMAND = (sys.executable, "-m", "tensegrity_robot.bridge_process")

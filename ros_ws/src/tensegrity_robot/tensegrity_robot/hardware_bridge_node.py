@@ -24,13 +24,13 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from hardware_bridge.codecs.registry import parse_board
+from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.driver.events import FaceEvent, SentEvent, Snapshot
+from hardware_bridge.driver.remote_bridge import HostProcess, RemoteBridge
 from hardware_bridge.errors import BridgeError, PortMissing, Refused
-from hardware_bridge.events import FaceEvent, SentEvent, Snapshot
-from hardware_bridge.protocol import Mode
-from hardware_bridge.remote_bridge import HostProcess, RemoteBridge
-from hardware_bridge.trajectory import Trajectory
-from hardware_bridge.virtual_port import default_link, examine, require_prototype
+from hardware_bridge.prototype_client.handshake import default_link, examine, require_prototype
+from hardware_bridge.safety.supervisor_messages import Mode
+from hardware_bridge.safety.trajectory import Trajectory
 from sim_core.errors import SimError
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot import bridge_diagnostics, bridge_messages, messages, qos

@@ -8,8 +8,8 @@ import os
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
-from hardware_bridge.calibration import load_calibration
-from hardware_bridge.codecs.registry import parse_board
+from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.errors import BridgeError
 from sim_core.errors import SimError
 from sim_core.gaits.library import load_library

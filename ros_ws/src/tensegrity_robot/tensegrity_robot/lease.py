@@ -11,7 +11,7 @@ from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.task import Future
 
-from hardware_bridge.proofs import Prover
+from hardware_bridge.safety.lease_proof import Prover
 from hardware_bridge.text import NAME_MOST, printable
 from tensegrity_interfaces.msg import BridgeState, LeaseProof
 from tensegrity_interfaces.srv import Arm, Disarm

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import time
 
-from hardware_bridge.calibration import load_calibration
+from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.driver.remote_bridge import RemoteBridge
 from hardware_bridge.errors import Refused
-from hardware_bridge.protocol import Mode
-from hardware_bridge.remote_bridge import RemoteBridge
-from hardware_bridge.trajectory import Trajectory
+from hardware_bridge.safety.supervisor_messages import Mode
+from hardware_bridge.safety.trajectory import Trajectory
 from tensegrity_robot.log_watch import LogWatch
 from tensegrity_robot.observing import Observing
 

@@ -10,11 +10,11 @@ from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectory
 
-from hardware_bridge.age import Age
+from hardware_bridge.driver.motion_handle import MotionHandle
+from hardware_bridge.driver.remote_bridge import RemoteBridge
 from hardware_bridge.errors import BridgeError, Refused
-from hardware_bridge.motion import MotionHandle
-from hardware_bridge.remote_bridge import RemoteBridge
-from hardware_bridge.trajectory import Trajectory
+from hardware_bridge.safety.command_age import Age
+from hardware_bridge.safety.trajectory import Trajectory
 from tensegrity_interfaces.action import ExecuteStruts
 from tensegrity_robot import bridge_messages, messages
 from tensegrity_robot.bounded_goals import TooLong, bound_goals

@@ -9,11 +9,11 @@ from geometry_msgs.msg import PoseArray
 from rclpy.lifecycle import LifecycleNode
 from std_msgs.msg import Header
 
+from hardware_bridge.driver.events import SentEvent, Snapshot
+from hardware_bridge.driver.remote_bridge import RemoteBridge
 from hardware_bridge.errors import BridgeError, StateError
-from hardware_bridge.events import SentEvent, Snapshot
-from hardware_bridge.observation import Observation
-from hardware_bridge.observer_client import ObserverClient
-from hardware_bridge.remote_bridge import RemoteBridge
+from hardware_bridge.prototype_client.observation import Observation
+from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.topology import STRUTS
 from tensegrity_interfaces.msg import FaceObservation
 from tensegrity_robot import bridge_messages, qos

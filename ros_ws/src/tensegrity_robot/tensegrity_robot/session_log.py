@@ -13,9 +13,9 @@ from pathlib import Path
 from typing import IO
 
 from hardware_bridge.errors import BridgeError, RecorderError
-from hardware_bridge.mending import mend
-from hardware_bridge.recorder import Recorder
-from hardware_bridge.schemas import ShareSchemas
+from hardware_bridge.recording.journal_repair import mend
+from hardware_bridge.recording.message_definitions import ShareSchemas
+from hardware_bridge.recording.recorder import Recorder
 
 PACKAGES = ("tensegrity_robot", "hardware_bridge", "sim_core", "numpy", "numba", "mcap", "pyserial")
 MOST_EARLY = 1000

@@ -22,7 +22,7 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
-from hardware_bridge.streamer import Streamer
+from hardware_bridge.driver.frame_timer import Streamer
 from sim_core.dynamics.actuators import following, require_actuators
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot

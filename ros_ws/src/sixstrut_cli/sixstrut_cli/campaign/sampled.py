@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import NamedTuple
 
-from hardware_bridge.child import bound
+from hardware_bridge.driver.child_process import bound
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.analysis import read_told
 from sixstrut_cli.trials.folder import SessionFolder, begin_session

@@ -37,14 +37,20 @@ def command(
     """
     from rich.console import Console
 
-    from hardware_bridge.codecs.registry import parse_board
-    from hardware_bridge.identity import Identity, canonical_link
-    from hardware_bridge.jogger import Jogger
-    from hardware_bridge.limits import Limits
-    from hardware_bridge.records import Records
-    from hardware_bridge.state_file import state_directory
-    from hardware_bridge.transport import SerialTransport
-    from hardware_bridge.virtual_port import agree_on_board, default_link, examine, require_prototype, require_same_pty
+    from hardware_bridge.boards.registry import parse_board
+    from hardware_bridge.driver.jogger import Jogger
+    from hardware_bridge.link.transport import SerialTransport
+    from hardware_bridge.prototype_client.handshake import (
+        agree_on_board,
+        default_link,
+        examine,
+        require_prototype,
+        require_same_pty,
+    )
+    from hardware_bridge.safety.limits import Limits
+    from hardware_bridge.saved_state.robot_identity import Identity, canonical_link
+    from hardware_bridge.saved_state.robot_records import Records
+    from hardware_bridge.saved_state.state_file import state_directory
     from sixstrut_cli.calibrating import Walk, ask_robot, measured_before
     from sixstrut_cli.keys import require_keyboard
     from sixstrut_cli.practice import Eyes, practice_prototype

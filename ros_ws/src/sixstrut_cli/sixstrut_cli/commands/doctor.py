@@ -30,7 +30,7 @@ def command(
     sixstrut doctor
     sixstrut doctor --port /dev/rfcomm0 --calibration mine.yaml
     """
-    from hardware_bridge.codecs.registry import parse_board
+    from hardware_bridge.boards.registry import parse_board
     from sixstrut_cli.doctor import Health, examine
 
     findings = list(examine(port, parse_board(board), baud, calibration))

@@ -92,8 +92,8 @@ def command(
 
 
 def _tries_in_bags(bags: Sequence[Path], mid_stroke_m: float) -> list[Outcome]:
-    from hardware_bridge.bag_reader import read_session
-    from hardware_bridge.bag_types import TOPICS
+    from hardware_bridge.recording.bag_reader import read_session
+    from hardware_bridge.recording.bag_types import TOPICS
 
     return [outcome for path in bags for outcome in outcomes_of(read_session(path, topics=TOPICS), mid_stroke_m)]
 

@@ -66,8 +66,8 @@ def command(
 def _by_trial(
     bag: Path, numbers: Sequence[int], members: int, changes: dict[str, float], compare: bool, picture: Path | None, as_json: bool
 ) -> bool:
-    from hardware_bridge.bag_reader import read_bag
-    from hardware_bridge.bag_types import TOPICS
+    from hardware_bridge.recording.bag_reader import read_bag
+    from hardware_bridge.recording.bag_types import TOPICS
     from sim_core.studies.rehearsal import Ensemble
     from sixstrut_cli.replaying import require_same_model
     from sixstrut_cli.trials.figures import course_picture
@@ -144,8 +144,8 @@ def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
 def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, picture: Path | None, as_json: bool) -> bool:
     from rich.progress import Progress
 
-    from hardware_bridge.bag_reader import read_session
-    from hardware_bridge.bag_types import TOPICS
+    from hardware_bridge.recording.bag_reader import read_session
+    from hardware_bridge.recording.bag_types import TOPICS
     from sim_core.dynamics.actuators import require_actuators
     from sixstrut_cli.replaying import model_of, replay, require_same_model
     from sixstrut_cli.trials.replayed import changed_model

@@ -14,7 +14,7 @@ from typing import Annotated
 
 import typer
 
-from hardware_bridge.child import bound
+from hardware_bridge.driver.child_process import bound
 from sixstrut_cli.domain import private_domain
 
 CONTEXT_SETTINGS = {"allow_extra_args": True, "ignore_unknown_options": True}

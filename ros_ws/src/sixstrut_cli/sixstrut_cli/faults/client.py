@@ -20,7 +20,7 @@ from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hardware_bridge.errors import may_be_sent_again
-from hardware_bridge.proofs import Prover
+from hardware_bridge.safety.lease_proof import Prover
 from sixstrut_cli.faults.processes import START_LIMIT_S, wait_until
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, Rehearsal, StrutsSent, TwinState

@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar
 
-from hardware_bridge.fault_injection import inject
-from hardware_bridge.virtual_port import read_handshake
+from hardware_bridge.prototype_client.fault_client import inject
+from hardware_bridge.prototype_client.handshake import read_handshake
 from sixstrut_cli.faults.client import Operator
 from sixstrut_cli.faults.processes import END_LIMIT_S, START_LIMIT_S, Process, Processes, wait_until
 from sixstrut_cli.faults.scenario import expect

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from ament_index_python.packages import get_package_prefix
 
-from hardware_bridge.child import bound
+from hardware_bridge.driver.child_process import bound
 
 START_LIMIT_S = 30.0
 END_LIMIT_S = 20.0

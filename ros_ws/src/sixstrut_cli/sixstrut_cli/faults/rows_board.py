@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hardware_bridge.codecs.registry import parse_board
-from hardware_bridge.fault_injection import TO_BOARD
-from hardware_bridge.observation import Observation
-from hardware_bridge.observer_client import ObserverClient
-from hardware_bridge.virtual_port import observer_path
+from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.prototype_client.fault_client import TO_BOARD
+from hardware_bridge.prototype_client.handshake import observer_path
+from hardware_bridge.prototype_client.observation import Observation
+from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.topology import STRUTS as STRUT_ENDS
 from sixstrut_cli.faults.lab import MID, Lab, Setup, stretched
 from sixstrut_cli.faults.processes import wait_until

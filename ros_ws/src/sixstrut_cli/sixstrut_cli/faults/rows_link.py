@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import serial
 
-from hardware_bridge.fault_injection import FROM_BOARD, TO_BOARD
+from hardware_bridge.prototype_client.fault_client import FROM_BOARD, TO_BOARD
 from sixstrut_cli.faults.lab import MID, ROLLING, STRUTS, Lab, stretched
 from sixstrut_cli.faults.processes import Process, wait_until
 from sixstrut_cli.faults.scenario import Evidence, expect

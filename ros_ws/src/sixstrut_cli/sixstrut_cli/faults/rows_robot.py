@@ -11,9 +11,9 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from hardware_bridge.calibration import load_calibration
-from hardware_bridge.calibration_file import text_of
-from hardware_bridge.codecs.lsc import CMD_BATTERY, FrameDecoder, encode_battery_reply
+from hardware_bridge.boards.lsc import CMD_BATTERY, FrameDecoder, encode_battery_reply
+from hardware_bridge.calibration.calibration_file import text_of
+from hardware_bridge.calibration.pulse_map import load_calibration
 from sixstrut_cli.faults.lab import MID, STRUTS, Lab
 from sixstrut_cli.faults.processes import wait_until
 from sixstrut_cli.faults.scenario import Evidence, expect

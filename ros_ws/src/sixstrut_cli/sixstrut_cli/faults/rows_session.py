@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from hardware_bridge.bag_reader import Session, read_session
+from hardware_bridge.recording.bag_reader import Session, read_session
 from sixstrut_cli.faults.lab import ROLLING, STRUTS, Lab, stretched
 from sixstrut_cli.faults.processes import wait_until
 from sixstrut_cli.faults.rows_link import last_line

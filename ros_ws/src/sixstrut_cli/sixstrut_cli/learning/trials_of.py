@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from hardware_bridge.bag_reader import read_session
-from hardware_bridge.bag_types import TOPICS
+from hardware_bridge.recording.bag_reader import read_session
+from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.dynamics.model import Model, build_model
 from sim_core.gaits.library import Library, load_library
 from sim_core.structure.elements import PREVIOUS

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hardware_bridge.bag_reader import read_session
-from hardware_bridge.bag_types import TOPICS
-from hardware_bridge.observer_client import ObserverClient
+from hardware_bridge.prototype_client.observer_client import ObserverClient
+from hardware_bridge.recording.bag_reader import read_session
+from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from sixstrut_cli.domain import private_domain

@@ -13,8 +13,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hardware_bridge.observer_client import ObserverClient
-from hardware_bridge.virtual_port import Handshake, read_handshake
+from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
+from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from sixstrut_cli.errors import SessionError, StackError

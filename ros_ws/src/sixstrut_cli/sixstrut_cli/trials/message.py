@@ -6,7 +6,7 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from hardware_bridge.bag_reader import BagError, read_session
+from hardware_bridge.recording.bag_reader import BagError, read_session
 from sixstrut_cli.errors import SessionError
 from sixstrut_cli.trials.record import Event, Line, Outcome, utc_ns, utc_text
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hardware_bridge.duty import Duty
-from hardware_bridge.limits import Limits
+from hardware_bridge.safety.duty_cycle import Duty
+from hardware_bridge.safety.limits import Limits
 from sixstrut_cli.trials.plan import Slot, next_due, placing
 
 SETTLE_S = 5.0

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hardware_bridge.bag_reader import Bag, Session, seconds_of
+from hardware_bridge.recording.bag_reader import Bag, Session, seconds_of
 from sim_core.dynamics.actuators import ActuatorParameters, following
 from sim_core.dynamics.model import Model, build_model
 from sim_core.errors import SimError

@@ -8,8 +8,8 @@ from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-from hardware_bridge.duty import Duty
-from hardware_bridge.limits import Limits
+from hardware_bridge.safety.duty_cycle import Duty
+from hardware_bridge.safety.limits import Limits
 from sixstrut_cli.errors import SessionError, StackError
 from sixstrut_cli.keys import Keys
 from sixstrut_cli.trials.folder import SessionFolder

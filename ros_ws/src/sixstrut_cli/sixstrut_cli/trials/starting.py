@@ -15,8 +15,8 @@ from typing import Any
 
 from rich.console import Console
 
-from hardware_bridge.codecs.registry import parse_board
-from hardware_bridge.virtual_port import read_handshake
+from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.prototype_client.handshake import read_handshake
 from sim_core.dynamics.actuators import require_actuators
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import load_library

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import psutil
 
-from hardware_bridge.child import bound
+from hardware_bridge.driver.child_process import bound
 from sixstrut_cli.bench.stack.figures import Plan, Usage
 from sixstrut_cli.bench.stack.usage import GONE, Sampler
 from sixstrut_cli.errors import StackError

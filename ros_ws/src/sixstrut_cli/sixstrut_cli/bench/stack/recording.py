@@ -7,10 +7,10 @@ from itertools import cycle, islice
 from pathlib import Path
 from typing import NamedTuple
 
-from hardware_bridge.bag_reader import read_bag
 from hardware_bridge.errors import RecorderError
-from hardware_bridge.recorder import Recorder
-from hardware_bridge.schemas import ShareSchemas
+from hardware_bridge.recording.bag_reader import read_bag
+from hardware_bridge.recording.message_definitions import ShareSchemas
+from hardware_bridge.recording.recorder import Recorder
 from sixstrut_cli.bench.stack.figures import Capacity, Plan
 from sixstrut_cli.stack import wait_until
 

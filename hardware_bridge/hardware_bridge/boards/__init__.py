@@ -1,0 +1,1 @@
+"""Servo boards as bytes: a board is a codec and its quirks."""

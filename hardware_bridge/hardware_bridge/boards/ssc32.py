@@ -1,0 +1,259 @@
+"""Lynxmotion SSC-32 and SSC-32U: lines of ASCII, ended by CR; no checksum, no acknowledgement.
+
+Source: Lynxmotion, "SSC-32U USB servo controller board user guide", pp. 24-26, 33-34 and 38-39; the cancel (``ESC CR``)
+is from the source of the ROS driver ``lynxmotion_ssc32u``. 9600 baud as delivered, 38400 and 115200 by its button: a move
+of six servos takes 48 bytes, 50 ms at 9600 baud, so 115200 is what this bridge expects.
+
+Not documented by the maker, and so assumed: a line that is no command is ignored whole, and a channel that has had no
+move since power-up answers ``QP`` with 0. If a real board answers otherwise, its reset goes unnoticed and nothing worse.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+
+from hardware_bridge.boards.board import Health, Query, Quirks, check_channels, check_pulses, check_range
+
+CANCEL = b"\x1b\r"
+PULSE_STEP_US = 10
+"""``QP`` answers in steps of this."""
+MAX_LINE = 512
+"""Bytes of a line kept while its end has not come; a longer one is no command."""
+
+QUIRKS = Quirks(
+    pulse_us=(500, 2500),
+    channels=(0, 31),
+    duration_ms=(20, 65535),
+    longest_frame_bytes=55,
+    usual_baud=115200,
+    cancel=CANCEL,
+    resync_queries=3,
+    error_moves=False,
+    tells_pulses=True,
+    has_timeout=False,
+    always_answers=True,
+)
+
+_SPEED_US_S = (1, 65535)
+_OFFSET_US = (-100, 100)
+
+
+@dataclass(frozen=True)
+class Target:
+    """One channel of a move: pulse in [us]; None: the pulse off. ``speed_us_s`` in [us/s], None: as fast as it can."""
+
+    channel: int
+    pulse_us: int | None
+    speed_us_s: int | None = None
+
+
+@dataclass(frozen=True)
+class Group:
+    """A move of channels that start and, with ``duration_ms``, stop together."""
+
+    targets: tuple[Target, ...]
+    duration_ms: int | None = None
+
+
+@dataclass(frozen=True)
+class Offset:
+    """``PO``: shifts a channel's pulse by -100 to 100 us."""
+
+    channel: int
+    offset_us: int
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Stops one channel at once, wherever it is."""
+
+    channel: int
+
+
+@dataclass(frozen=True)
+class AskMoving:
+    """``Q``: is a move under way?"""
+
+
+@dataclass(frozen=True)
+class AskPulses:
+    """``QP``: the commanded pulses of channels, one byte each."""
+
+    channels: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class AskAnalogue:
+    """``VA`` to ``VH``: the voltages of inputs, one byte each in 5/256 V."""
+
+    inputs: str
+
+
+@dataclass(frozen=True)
+class AskVersion:
+    """``VER``: text and CR. In the SSC-32's manual, not in the SSC-32U's: never depend on it."""
+
+
+Command = Group | Offset | Stop | AskMoving | AskPulses | AskAnalogue | AskVersion
+
+
+def encode_move(pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
+    """A group move of one to six servos, which arrive together after ``duration_ms``.
+
+    Raises:
+        CodecError: Wrong counts, a channel twice, or a value that the board does not accept.
+    """
+    check_pulses(pulses_us, channels, QUIRKS)
+    check_range("duration_ms", duration_ms, QUIRKS.duration_ms)
+    body = "".join(f"#{channel}P{pulse}" for channel, pulse in zip(channels, pulses_us, strict=True))
+    return f"{body}T{duration_ms}\r".encode("ascii")
+
+
+def encode_speed_move(pulse_us: int, channel: int, speed_us_s: int) -> bytes:
+    """A move of one servo at a speed. Raises CodecError."""
+    check_pulses([pulse_us], [channel], QUIRKS)
+    check_range("speed_us_s", speed_us_s, _SPEED_US_S)
+    return f"#{channel}P{pulse_us}S{speed_us_s}\r".encode("ascii")
+
+
+def encode_off(channel: int) -> bytes:
+    """The pulse off: the servo lets go, and its next move ignores its duration again. Raises CodecError."""
+    check_channels([channel], QUIRKS)
+    return f"#{channel}L\r".encode("ascii")
+
+
+def encode_offset(channel: int, offset_us: int) -> bytes:
+    """Shifts a channel's pulse. Raises CodecError."""
+    check_channels([channel], QUIRKS)
+    check_range("offset_us", offset_us, _OFFSET_US)
+    return f"#{channel}PO{offset_us}\r".encode("ascii")
+
+
+def encode_stop(channel: int) -> bytes:
+    """Stops one servo where it is. Raises CodecError."""
+    check_channels([channel], QUIRKS)
+    return f"STOP {channel}\r".encode("ascii")
+
+
+def encode_moving_query() -> bytes:
+    """Answered by ``.`` (done) or ``+`` (moving)."""
+    return b"Q\r"
+
+
+def encode_pulse_query(channels: Sequence[int]) -> bytes:
+    """Answered by one byte a channel. Raises CodecError."""
+    check_channels(channels, QUIRKS)
+    return "".join(f"QP{channel}" for channel in channels).encode("ascii") + b"\r"
+
+
+def encode_pulse_reply(pulses_us: Sequence[float | None]) -> bytes:
+    """What the board answers to ``QP``."""
+    return bytes(0 if pulse is None else min(255, round(pulse / PULSE_STEP_US)) for pulse in pulses_us)
+
+
+def decode_pulse_reply(reply: bytes) -> tuple[float | None, ...] | None:
+    """Commanded pulses in [us], to 10 us; None in it: no pulse. None: bytes that no board answers."""
+    low, high = (limit // PULSE_STEP_US for limit in QUIRKS.pulse_us)
+    if any(byte != 0 and not low <= byte <= high for byte in reply):
+        return None
+    return tuple(float(byte * PULSE_STEP_US) if byte else None for byte in reply)
+
+
+_GROUP = re.compile(r"(?:#\d{1,2}(?:P\d{1,5}(?:S\d{1,5})?|L))+(?:T\d{1,5})?")
+_TARGET = re.compile(r"#(\d{1,2})(?:P(\d{1,5})(?:S(\d{1,5}))?|(L))")
+_OFFSET = re.compile(r"#(\d{1,2})PO(-?\d{1,3})")
+_STOP = re.compile(r"STOP(\d{1,2})")
+_PULSES = re.compile(r"(?:QP\d{1,2})+")
+
+
+def decode_line(line: bytes) -> Command | None:
+    """The command in a line without its CR, or None if it is none. Case, spaces, tabs and line feeds do not matter."""
+    text = re.sub(r"[ \t\n]", "", line.decode("ascii", errors="replace").upper())
+    if _GROUP.fullmatch(text):
+        return _decode_group(text)
+    if match := _OFFSET.fullmatch(text):
+        channel, offset = int(match[1]), int(match[2])
+        return Offset(channel, offset) if _on_board(channel) and _OFFSET_US[0] <= offset <= _OFFSET_US[1] else None
+    if match := _STOP.fullmatch(text):
+        return Stop(int(match[1])) if _on_board(int(match[1])) else None
+    if _PULSES.fullmatch(text):
+        channels = tuple(int(number) for number in text.split("QP")[1:])
+        return AskPulses(channels) if all(map(_on_board, channels)) else None
+    if re.fullmatch("(?:V[A-H])+", text):
+        return AskAnalogue(text.replace("V", ""))
+    if text == "VER":
+        return AskVersion()
+    return AskMoving() if text == "Q" else None
+
+
+def _decode_group(text: str) -> Group | None:
+    targets = []
+    for match in _TARGET.finditer(text):
+        channel, pulse = int(match[1]), None if match[4] or match[2] == "0" else int(match[2])
+        if not _on_board(channel) or (pulse is not None and not QUIRKS.pulse_us[0] <= pulse <= QUIRKS.pulse_us[1]):
+            return None
+        targets.append(Target(channel, pulse, int(match[3]) if match[3] else None))
+    duration = int(text.rsplit("T", 1)[1]) if "T" in text else None
+    return None if duration is not None and duration > QUIRKS.duration_ms[1] else Group(tuple(targets), duration)
+
+
+def _on_board(channel: int) -> bool:
+    return QUIRKS.channels[0] <= channel <= QUIRKS.channels[1]
+
+
+@dataclass
+class LineDecoder:
+    """Finds commands in a stream that arrives in pieces of any size. Survives any bytes.
+
+    A line goes on until its CR, so a cut one takes the next as its rest; ESC forgets what has come of a line.
+    """
+
+    _line: bytearray = field(default_factory=bytearray)
+
+    def feed(self, data: bytes) -> list[Command]:
+        """Commands that ``data`` completes, in order."""
+        commands: list[Command] = []
+        for byte in data:
+            if byte == CANCEL[0]:
+                self._line.clear()
+            elif byte == CANCEL[1]:
+                command = decode_line(bytes(self._line)) if len(self._line) <= MAX_LINE else None
+                self._line.clear()
+                commands += [] if command is None else [command]
+            elif len(self._line) <= MAX_LINE:
+                self._line.append(byte)
+        return commands
+
+
+@dataclass(frozen=True)
+class Ssc32:
+    """The SSC-32 family as a `Board`."""
+
+    name = "ssc32"
+    spec = "ssc32"
+    quirks = QUIRKS
+
+    def encode_move(
+        self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int, from_us: Sequence[float] = ()
+    ) -> bytes:
+        """See `encode_move`; the board knows where its outputs are."""
+        return encode_move(pulses_us, channels, duration_ms)
+
+    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
+        """A move to where the servos are."""
+        return encode_move(pulses_us, channels, duration_ms)
+
+    def move_time_s(self, way_us: float, duration_ms: int) -> float:
+        """As told, whatever the way."""
+        return duration_ms * 1e-3
+
+    def encode_query(self, channels: Sequence[int]) -> Query:
+        """``QP`` of every channel: ``VER`` is not on every board, and this one also shows a reset."""
+        return Query(encode_pulse_query(channels), len(channels))
+
+    def parse_reply(self, reply: bytes, count: int) -> Health | None:
+        """Commanded pulses; None for a wrong number of bytes or a pulse that no board gives."""
+        pulses_us = decode_pulse_reply(reply) if len(reply) == count else None
+        return None if pulses_us is None else Health(pulses_us=pulses_us)

@@ -1,0 +1,1 @@
+"""Length of a strut to pulse of its servo, both ways, and the file that says how."""

@@ -1,0 +1,1 @@
+"""The running bridge: engine, frame timer, the port's process and its remote."""

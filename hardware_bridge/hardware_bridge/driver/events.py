@@ -1,0 +1,176 @@
+"""What the bridge tells its callers: the numbered stream of what happened to the robot, and its own state."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+from hardware_bridge.link.latency import NOTHING_ASKED, NOTHING_MEASURED, Percentiles, Replies
+from hardware_bridge.safety.supervisor_messages import Mode
+
+_log = logging.getLogger(__name__)
+_Event = TypeVar("_Event")
+
+FACES = (*(f"TC{number}" for number in range(1, 9)), *(f"TO{number}" for number in range(1, 13)))
+SOURCES = ("operator", "prototype", "external")
+"""Who may observe a face. A *predicted* face is no observation and is not part of the stream."""
+
+
+@dataclass(frozen=True)
+class SentEvent:
+    """One write to the board, or a heartbeat: nothing written, the clock has moved on.
+
+    Attributes:
+        seq: Place in the stream, from 1, shared with `FaceEvent`.
+        robot_time_ns: Robot time of the write, in [ns]; never less than that of an earlier ``seq``.
+        heartbeat: Nothing was written; the lengths are those last sent.
+        lengths_m: Rest lengths of S1 to S6 as whole pulses, in [m]; mid stroke where ``known`` is false.
+        known: Whether each strut's length was ever sent or confirmed.
+        pulses_us: Pulses of S1 to S6, in [us]; 0 where not known.
+        duration_ms: Duration asked of the board; 0 for a heartbeat.
+        frame: The bytes on the wire; empty for a heartbeat.
+        kind: ``energise``, ``home``, ``move``, ``hold`` or ``heartbeat``.
+        session: The opening of the port that the event belongs to; nothing of another one is about this robot now.
+        wall_ns: The computer's clock at the event, in [ns] since 1970.
+    """
+
+    seq: int
+    robot_time_ns: int
+    heartbeat: bool
+    lengths_m: tuple[float, ...]
+    known: tuple[bool, ...]
+    pulses_us: tuple[int, ...]
+    duration_ms: int
+    frame: bytes
+    kind: str
+    session: str = ""
+    wall_ns: int = 0
+
+
+@dataclass(frozen=True)
+class FaceEvent:
+    """Somebody saw which face the robot stands on.
+
+    Attributes:
+        seq: Place in the stream, from 1, shared with `SentEvent`.
+        robot_time_ns: Robot time at which the bridge was told, in [ns].
+        face: ``TC1``…``TC8``, ``TO1``…``TO12``, or empty: on no face.
+        source: One of ``SOURCES``.
+        settled: The robot had come to rest.
+        detail: For people.
+        session, wall_ns: As `SentEvent`.
+    """
+
+    seq: int
+    robot_time_ns: int
+    face: str
+    source: str
+    settled: bool
+    detail: str
+    session: str = ""
+    wall_ns: int = 0
+
+
+@dataclass(frozen=True)
+class Snapshot:
+    """The bridge at one instant.
+
+    Attributes:
+        robot_time_ns: Robot time, in [ns].
+        last_seq: Number of the newest event of the stream; 0 before the first.
+        mode: The supervisor's state.
+        reason: Why, for people; may be empty.
+        lease_holder: Who armed; empty if nobody.
+        homed: Homing has ended well since the last arm.
+        moving: A commanded motion is running.
+        port: Path or URL.
+        link_ok: The port is open and the last read and write went through.
+        virtual_port: The port is the virtual prototype's.
+        time_scale: Robot seconds per second.
+        lengths_m: As `SentEvent`.
+        known: As `SentEvent`.
+        energised: Which struts have been sent a pulse since the port was opened.
+        calibration_hash: Of the calibration in use.
+        robot: The robot's name, by its calibration; empty: it names none.
+        answered: The board has answered since the port was opened.
+        battery_mv: Last reply of the board, in [mV]; None before the first.
+        duty_left_s: Robot time that the strut that ran longest lately may still run, in [s].
+        duty_known: Somebody knows how long the struts ran lately; else it counts as spent.
+        duty_limit_s: Its whole budget within the window, in [s].
+        supply_low_v: Servo supply below which no gait is begun, in [V].
+        write_latency: How long the port took to take each frame, the last 1200.
+        reopened: How often a lost link was opened again since ``open``.
+        board_errors: What the board said is wrong with it, until reset; empty also for a board that cannot say.
+        replies: How the board answers its liveness queries, since ``open``.
+        prototype: The virtual prototype's instance, if the port has proven to be one's; empty on a real port.
+        frames_sent: Frames written since ``open``.
+        write_errors: Failed or partial writes since ``open``.
+        late_periods: Periods that the frame loop missed, dropped and not made up for.
+        congested_periods: Periods without a frame because the port still held the one before, or an answer was late.
+        session: As `SentEvent`; empty before the first opening.
+    """
+
+    robot_time_ns: int
+    last_seq: int
+    mode: Mode
+    reason: str
+    lease_holder: str
+    homed: bool
+    moving: bool
+    port: str
+    link_ok: bool
+    virtual_port: bool
+    time_scale: float
+    lengths_m: tuple[float, ...]
+    known: tuple[bool, ...]
+    energised: tuple[bool, ...]
+    calibration_hash: str
+    battery_mv: int | None
+    duty_left_s: float
+    frames_sent: int
+    write_errors: int
+    late_periods: int
+    congested_periods: int
+    duty_limit_s: float
+    supply_low_v: float
+    write_latency: Percentiles = NOTHING_MEASURED
+    reopened: int = 0
+    board_errors: tuple[str, ...] = ()
+    replies: Replies = NOTHING_ASKED
+    session: str = ""
+    robot: str = ""
+    answered: bool = False
+    duty_known: bool = True
+    prototype: str = ""
+
+
+@dataclass(frozen=True)
+class Callbacks:
+    """Whom to tell. Called under the lock: short, and never back into the bridge. An exception in one is logged."""
+
+    on_sent: Callable[[SentEvent], None] | None = None
+    on_face: Callable[[FaceEvent], None] | None = None
+    on_state: Callable[[Snapshot], None] | None = None
+
+    def sent(self, event: SentEvent) -> None:
+        """Something was sent, or nothing was."""
+        _call(self.on_sent, event)
+
+    def face(self, event: FaceEvent) -> None:
+        """Somebody saw a face."""
+        _call(self.on_face, event)
+
+    def state(self, snapshot: Snapshot) -> None:
+        """The bridge's state has changed."""
+        _call(self.on_state, snapshot)
+
+
+def _call(callback: Callable[[_Event], None] | None, event: _Event) -> None:
+    if callback is None:
+        return
+    try:
+        callback(event)
+    except Exception:
+        _log.exception("callback of the bridge")

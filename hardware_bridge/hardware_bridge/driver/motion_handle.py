@@ -1,0 +1,93 @@
+"""The caller's hand on a motion that the bridge has accepted."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from hardware_bridge.safety.supervisor_messages import Outcome
+
+
+@dataclass(frozen=True)
+class Progress:
+    """How far a motion is.
+
+    Attributes:
+        fraction: Part of its path that has been sent, 0 to 1.
+        elapsed_s: The same in robot time, in [s].
+        duration_s: Robot time of the whole path, in [s].
+        lengths_m: Rest lengths last sent, in [m].
+    """
+
+    fraction: float
+    elapsed_s: float
+    duration_s: float
+    lengths_m: tuple[float, ...]
+
+
+@dataclass(frozen=True)
+class MotionResult:
+    """How a motion ended.
+
+    Attributes:
+        outcome: ``done``: every knot was sent and the board has had the time for it; ``held``; ``fault``.
+        reason: For people; empty if done.
+        lengths_m: Rest lengths last sent, in [m].
+    """
+
+    outcome: Outcome
+    reason: str
+    lengths_m: tuple[float, ...]
+
+    @property
+    def success(self) -> bool:
+        """Whether the whole trajectory was sent."""
+        return self.outcome is Outcome.DONE
+
+
+class MotionHandle:
+    """An accepted motion. All methods may be called from any thread.
+
+    Attributes:
+        number: Its identity, from 1.
+        duration_s: Robot time of the whole path, in [s].
+        sent_s: For the bridge: path time of the newest frame that ``progress`` has seen.
+    """
+
+    def __init__(
+        self,
+        number: int,
+        duration_s: float,
+        progress: Callable[[MotionHandle], Progress],
+        cancel: Callable[[int, str], None],
+    ) -> None:
+        self.number = number
+        self.duration_s = duration_s
+        self.sent_s = 0.0
+        self._progress = progress
+        self._cancel = cancel
+        self._ended = threading.Event()
+        self._result: MotionResult | None = None
+
+    def progress(self) -> Progress:
+        """How far it is."""
+        return self._progress(self)
+
+    def cancel(self, reason: str = "cancelled") -> None:
+        """Holds the struts where they are and ends the motion as ``held``; too late, it does nothing."""
+        self._cancel(self.number, reason)
+
+    def wait(self, timeout_s: float | None = None) -> bool:
+        """Waits for the end in wall time; whether it has come."""
+        return self._ended.wait(timeout_s)
+
+    def result(self) -> MotionResult | None:
+        """How it ended, or None while it runs."""
+        return self._result
+
+    def finish(self, result: MotionResult) -> None:
+        """For the bridge: sets the result, once."""
+        if self._result is None:
+            self._result = result
+            self._ended.set()

@@ -1,0 +1,309 @@
+"""The bridge as seen from another process: the same calls and callbacks; port and frame timer are in a process of their own."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import replace
+from multiprocessing.connection import Connection
+from queue import SimpleQueue
+from typing import Any
+
+from hardware_bridge.boards.board import Board
+from hardware_bridge.driver.bridge_host import MOST_BYTES, Call, Happened, Judge, Opened, Opening, Refreshed, Reply, Verdict
+from hardware_bridge.driver.events import Callbacks, FaceEvent, SentEvent, Snapshot
+from hardware_bridge.driver.motion_handle import MotionHandle, MotionResult, Progress
+from hardware_bridge.errors import StateError
+from hardware_bridge.safety.limit_checks import Rules, any_shape
+from hardware_bridge.safety.trajectory import Trajectory
+
+END_LIMIT_S = 5.0
+"""Wall time in which a host whose connection is closed holds the struts and ends."""
+
+
+class _Asked:
+    """A call that waits for its reply."""
+
+    def __init__(self) -> None:
+        self.done = threading.Event()
+        self.reply: Reply | None = None
+
+
+class HostProcess:
+    """A process with a ``BridgeHost``, and the connection to it. Methods may be called from any thread.
+
+    Events come in a thread of this object's, in order; they must not call the host.
+    """
+
+    def __init__(self, command: Sequence[str], on_end: Callable[[str], None]) -> None:
+        """Starts it.
+
+        Args:
+            command: The program; the number of its end of the connection is added as the last word.
+            on_end: Told once, from another thread, if the process ends by itself, and how.
+        """
+        here, there = socket.socketpair()
+        with there:
+            self._child = subprocess.Popen(
+                [*command, str(there.fileno())], pass_fds=[there.fileno()], stdin=subprocess.DEVNULL, start_new_session=True
+            )
+        self._socket = here
+        self._connection = Connection(os.dup(here.fileno()))
+        self._on_end = on_end
+        self._sending = threading.Lock()
+        self._asked: dict[int, _Asked] = {}
+        self._count = 0
+        self._ended = ""
+        self._closing = False
+        self._bridge: RemoteBridge | None = None
+        self._judging: SimpleQueue[Judge | None] = SimpleQueue()
+        threading.Thread(target=self._listen, name="bridge events", daemon=True).start()
+        threading.Thread(target=self._judge, name="bridge shapes", daemon=True).start()
+
+    @property
+    def pid(self) -> int:
+        """Of the process."""
+        return self._child.pid
+
+    def tell(self, message: Any) -> None:
+        """Sends the program something that has no answer."""
+        self._send(message)
+
+    def open(
+        self,
+        port: str,
+        rules: Rules,
+        *,
+        board: Board,
+        on_sent: Callable[[SentEvent], None] | None = None,
+        on_face: Callable[[FaceEvent], None] | None = None,
+        on_state: Callable[[Snapshot], None] | None = None,
+        **options: Any,
+    ) -> RemoteBridge:
+        """Makes a bridge there and opens it; arguments, callbacks and errors as ``Bridge``'s. An older one is closed."""
+        bridge = RemoteBridge(self, port, rules, board, Callbacks(on_sent, on_face, on_state))
+        self._bridge = bridge
+        # The judge of shapes stays here: it is slow, and needs what the host must not load.
+        opening = Opening(port, replace(rules, shape_check=any_shape), {"board": board, **options})
+        opened: Opened = self.call("open", opening)
+        bridge.observer, bridge.board_timeout_s = opened.observer, opened.board_timeout_s
+        bridge.refreshed(Refreshed(opened.snapshot, {}))
+        return bridge
+
+    def call(self, name: str, *arguments: Any) -> Any:
+        """Calls a method there and waits for its end.
+
+        Raises:
+            BridgeError: What it raised; `StateError` if the process is gone.
+        """
+        asked = _Asked()
+        with self._sending:
+            self._count += 1
+            number = self._count
+            self._asked[number] = asked
+        self._send(Call(number, name, arguments))
+        asked.done.wait()
+        del self._asked[number]
+        if asked.reply is None:
+            raise StateError(name, "gone", f"the bridge's process has ended ({self._ended}); start the bridge again")
+        if asked.reply.error is not None:
+            raise asked.reply.error
+        return asked.reply.value
+
+    def close(self) -> int:
+        """Lets go of the process, which holds the struts and ends; its exit code."""
+        self._closing = True
+        with suppress(OSError):
+            self._socket.shutdown(socket.SHUT_RDWR)
+        self._socket.close()
+        try:
+            return self._child.wait(END_LIMIT_S)
+        except subprocess.TimeoutExpired:
+            self._child.kill()
+            return self._child.wait()
+
+    # ---- the connection -----------------------------------------------------------------------------------------------
+
+    def _send(self, message: Any) -> None:
+        data = pickle.dumps(message)
+        try:
+            with self._sending:
+                self._connection.send_bytes(data)
+        except OSError:
+            self._release()
+
+    def _listen(self) -> None:
+        try:
+            while True:
+                message = pickle.loads(self._connection.recv_bytes(MOST_BYTES))
+                if isinstance(message, Reply):
+                    asked = self._asked.get(message.number)
+                    if asked is not None:
+                        asked.reply = message
+                        asked.done.set()
+                elif isinstance(message, Judge):
+                    self._judging.put(message)
+                elif isinstance(message, Refreshed) and self._bridge is not None:
+                    self._bridge.refreshed(message)
+                elif isinstance(message, Happened) and self._bridge is not None:
+                    self._bridge.happened(message.event)
+        except (EOFError, OSError):
+            pass
+        self._judging.put(None)
+        if not self._closing:
+            code = self._child.wait()
+            self._ended = f"exit code {code}" if code >= 0 else f"signal {-code}"
+            self._release()
+            self._on_end(self._ended)
+        self._release()
+
+    def _release(self) -> None:
+        """Nobody will answer any more."""
+        self._ended = self._ended or "its connection is closed"
+        for asked in list(self._asked.values()):
+            asked.done.set()
+
+    def _judge(self) -> None:
+        while (question := self._judging.get()) is not None:
+            bridge = self._bridge
+            try:
+                problem = "no bridge is open" if bridge is None else bridge.rules.shape_check(question.lengths_m)
+            except Exception as failure:  # whatever it is: what was not judged does not move
+                problem = f"cannot be judged, internal error: {failure!r}"
+            self._send(Verdict(question.number, problem))
+
+
+class RemoteBridge:
+    """As ``Bridge``, in a host's process. After ``close`` only ``snapshot`` is of use.
+
+    Attributes:
+        port, rules, board: As ``Bridge``'s.
+        observer: Path of the virtual prototype's observer socket; None on a real port.
+        board_timeout_s: As ``Bridge``'s.
+    """
+
+    def __init__(self, host: HostProcess, port: str, rules: Rules, board: Board, callbacks: Callbacks) -> None:
+        self.port, self.rules, self.board = port, rules, board
+        self.observer: str | None = None
+        self.board_timeout_s: float | None = None
+        self._host = host
+        self._callbacks = callbacks
+        self._motions: dict[int, MotionHandle] = {}
+        self._ends: dict[int, MotionResult] = {}
+        self._lock = threading.Lock()
+        self._snapshot: Snapshot | None = None
+        self._progresses: dict[int, Progress] = {}
+
+    def close(self) -> None:
+        """As ``Bridge.close``."""
+        self._host.call("close")
+
+    def judge_homing(self, confirmed_lengths_m: Sequence[float | None] | None = None) -> None:
+        """As ``Bridge.judge_homing``."""
+        self._host.call("judge_homing", confirmed_lengths_m)
+
+    def judge_motion(self, trajectory: Trajectory, lease: str) -> None:
+        """As ``Bridge.judge_motion``."""
+        self._host.call("judge_motion", trajectory, lease)
+
+    def returns(self, trajectory: Trajectory) -> bool:
+        """As ``Bridge.returns``."""
+        return bool(self._host.call("returns", trajectory))
+
+    def arm(
+        self,
+        holder: str,
+        lifted_and_clear: bool,
+        confirmed_lengths_m: Sequence[float | None] | None = None,
+        prototype: str = "",
+    ) -> str:
+        """As ``Bridge.arm``."""
+        return str(self._host.call("arm", holder, lifted_and_clear, confirmed_lengths_m, prototype))
+
+    def disarm(self, lease: str) -> None:
+        """As ``Bridge.disarm``."""
+        self._host.call("disarm", lease)
+
+    def prove(self, lease: str) -> None:
+        """As ``Bridge.prove``, but waits for no answer: a proof that is refused is as good as none."""
+        self._host.tell(Call(0, "prove", (lease,)))
+
+    def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0) -> MotionHandle:
+        """As ``Bridge.execute``."""
+        number, duration_s = self._host.call("execute", trajectory, lease, stamp_age_s, time.monotonic())
+        handle = MotionHandle(number, duration_s, self._progress, lambda number, reason: self._host.call("cancel", number, reason))
+        with self._lock:
+            if number in self._ends:
+                handle.finish(self._ends.pop(number))
+            else:
+                self._motions[number] = handle
+        return handle
+
+    def hold(self, reason: str) -> None:
+        """As ``Bridge.hold``."""
+        self._host.call("hold", reason)
+
+    def stop(self, reason: str = "stop pressed") -> None:
+        """As ``Bridge.stop``."""
+        self._host.call("stop", reason)
+
+    def reset(self) -> None:
+        """As ``Bridge.reset``."""
+        self._host.call("reset")
+
+    def observe_face(self, face: str, source: str, settled: bool, detail: str = "") -> FaceEvent:
+        """As ``Bridge.observe_face``."""
+        event: FaceEvent = self._host.call("observe_face", face, source, settled, detail)
+        return event
+
+    def snapshot(self) -> Snapshot:
+        """As ``Bridge.snapshot``, at most ``REFRESH_S`` old; every change of state is in it at once. Waits for nothing."""
+        assert self._snapshot is not None
+        return self._snapshot
+
+    def happened(self, event: Any) -> None:
+        """For the host: something happened."""
+        if isinstance(event, SentEvent):
+            self._callbacks.sent(event)
+        elif isinstance(event, FaceEvent):
+            self._callbacks.face(event)
+        elif isinstance(event, Snapshot):
+            self._keep(event)
+            self._callbacks.state(event)
+        else:
+            number, result = event
+            with self._lock:
+                handle = self._motions.pop(number, None)
+                if handle is None:
+                    self._ends[number] = result  # it was shorter than the answer to `execute`
+                else:
+                    handle.finish(result)
+
+    def refreshed(self, news: Refreshed) -> None:
+        """For the host: how things are."""
+        self._progresses = news.motions
+        self._keep(news.snapshot)
+
+    def _keep(self, snapshot: Snapshot) -> None:
+        """The newest by the robot's clock: one may have been made before another, and come after it."""
+        with self._lock:
+            before = self._snapshot
+            if before is None or before.session != snapshot.session or snapshot.robot_time_ns >= before.robot_time_ns:
+                self._snapshot = snapshot
+
+    def _progress(self, handle: MotionHandle) -> Progress:
+        newest, result = self._progresses.get(handle.number), handle.result()
+        if newest is not None:
+            handle.sent_s = newest.elapsed_s
+        if result is not None and result.success:
+            handle.sent_s = handle.duration_s
+        fraction = 1.0 if handle.duration_s == 0 else handle.sent_s / handle.duration_s
+        return Progress(
+            fraction, handle.sent_s, handle.duration_s, self.snapshot().lengths_m if newest is None else newest.lengths_m
+        )

@@ -1,0 +1,1 @@
+"""All that the rest may know of a virtual prototype: its handshake, its observer, its faults."""

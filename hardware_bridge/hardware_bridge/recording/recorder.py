@@ -1,0 +1,342 @@
+"""The session's log: one MCAP file that rosbag2, rosbags, Foxglove and PlotJuggler read without our workspace.
+
+Recorded topics get names under ``/recorded/``, to which no live node listens: playing the log moves nothing.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import queue
+import threading
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, cast
+
+from mcap.records import Channel, Schema
+from mcap.writer import IndexType, Writer
+
+from hardware_bridge.errors import RecorderError
+from hardware_bridge.recording.journal import LIBRARY, PROFILE, Checked, Recording, finish_journal
+
+_log = logging.getLogger(__name__)
+
+PREFIX = "/recorded/"
+DECLARED_FIRST, DECLARED_EVERY = 100, 5000
+"""After so many messages the journal says again which topics it has."""
+_FOREVER = "{sec: 9223372036, nsec: 854775807}"
+
+
+def recorded_topic(topic: str) -> str:
+    """The name under which ``topic`` is recorded."""
+    return PREFIX + topic.strip("/")
+
+
+def offered_qos(depth: int = 10, transient_local: bool = False) -> str:
+    """A reliable publisher's quality of service as rosbag2 of Jazzy writes it, in YAML."""
+    durability = "transient_local" if transient_local else "volatile"
+    return (
+        f"- history: keep_last\n  depth: {depth}\n  reliability: reliable\n  durability: {durability}\n"
+        f"  deadline: {_FOREVER}\n  lifespan: {_FOREVER}\n  liveliness: automatic\n"
+        f"  liveliness_lease_duration: {_FOREVER}\n  avoid_ros_namespace_conventions: false\n"
+    )
+
+
+@dataclass(frozen=True)
+class _Channel:
+    topic: str
+    type_name: str
+    schema_text: str
+    metadata: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class _Message:
+    topic: str
+    log_time_ns: int
+    publish_time_ns: int
+    data: bytes
+
+
+@dataclass(frozen=True)
+class _Metadata:
+    name: str
+    data: Mapping[str, str]
+
+
+@dataclass(frozen=True)
+class _Attachment:
+    name: str
+    media_type: str
+    data: bytes
+    time_ns: int
+
+
+@dataclass(frozen=True)
+class _Sync:
+    done: threading.Event
+
+
+_Item = _Channel | _Message | _Metadata | _Attachment | _Sync
+
+
+class Recorder:
+    """Writes a log from any thread without ever waiting for the disk.
+
+    A bounded queue feeds one writing thread. If the queue is full or the disk fails, that is a fault: it is latched,
+    counted, told to ``on_fault`` once, and every later ``write`` raises. Nothing is dropped silently.
+
+    Args:
+        path: The log, ``….mcap``; while it lives, ``<path>.journal`` grows instead.
+        schema_text: Gives the whole definition of ``package/msg/Name``; see `ShareSchemas`.
+        type_hash: Gives a type's RIHS01 hash, or an empty string.
+        queue_size: Messages that may wait for the disk.
+        on_fault: Told the first fault, once, from the thread that met it.
+
+    Attributes:
+        path: The log.
+        journal: The growing file.
+
+    Raises:
+        RecorderError: The file exists already, or the folder cannot be written.
+    """
+
+    def __init__(
+        self,
+        path: str | Path,
+        schema_text: Callable[[str], str],
+        *,
+        type_hash: Callable[[str], str] | None = None,
+        queue_size: int = 20_000,
+        on_fault: Callable[[str], None] | None = None,
+    ) -> None:
+        self.path = Path(path)
+        self.journal = self.path.with_name(self.path.name + ".journal")
+        self._schema_text = schema_text
+        self._type_hash = type_hash
+        self._on_fault = on_fault
+        self._queue: queue.Queue[_Item | None] = queue.Queue(queue_size)
+        self._lock = threading.RLock()
+        self._types: dict[str, str] = {}
+        self._fault = ""
+        self._declared: list[Schema | Channel] = []
+        self._written = 0
+        self._lost = 0
+        self._most_waiting = 0
+        self._recording: Recording | None = None
+        self._closed = False
+        if self.path.exists():
+            raise RecorderError(str(self.path), "exists; choose another name, a log is never overwritten")
+        try:
+            self._stream = self.journal.open("xb")
+        except FileExistsError:
+            problem = f"its journal {self.journal} exists; finish that session first or choose another name"
+            raise RecorderError(str(self.path), problem) from None
+        except OSError as error:
+            raise RecorderError(str(self.path), f"cannot be written ({error.strerror}); choose another folder") from error
+        self._checked = Checked(self._stream)
+        self._writer = Writer(cast(Any, self._checked), use_chunking=False, index_types=IndexType.NONE)
+        self._writer.start(PROFILE, LIBRARY)
+        self._checked.seal()
+        self._stream.flush()
+        self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
+        self._thread.start()
+
+    # ---- state ------------------------------------------------------------------------------------------------------
+
+    @property
+    def fault(self) -> str:
+        """What went wrong first; empty if nothing did."""
+        return self._fault
+
+    @property
+    def messages_written(self) -> int:
+        """Messages handed to the operating system: these survive the death of the process."""
+        return self._written
+
+    @property
+    def messages_lost(self) -> int:
+        """Messages that a fault kept out of the log."""
+        return self._lost
+
+    @property
+    def waiting(self) -> int:
+        """Entries that wait for the disk now; `queue_size` of them is a fault."""
+        return self._queue.qsize()
+
+    @property
+    def most_waiting(self) -> int:
+        """Largest number of entries that ever waited."""
+        return self._most_waiting
+
+    # ---- writing ----------------------------------------------------------------------------------------------------
+
+    def add_topic(self, topic: str, type_name: str, depth: int = 10, transient_local: bool = False) -> None:
+        """Declares a topic with its publisher's quality of service; without it, the first ``write`` does, by default.
+
+        Raises:
+            RecorderError: The topic has another type already, or a fault is latched.
+            SchemaError: The type is not installed.
+        """
+        with self._lock:
+            known = self._types.get(topic)
+            if known == type_name:
+                return
+            if known is not None:
+                raise RecorderError(str(self.path), f"topic {topic} is {known}, it cannot also be {type_name}")
+            metadata = {"offered_qos_profiles": offered_qos(depth, transient_local)}
+            type_hash = "" if self._type_hash is None else self._type_hash(type_name)
+            if type_hash:
+                metadata["topic_type_hash"] = type_hash
+            self._put(_Channel(recorded_topic(topic), type_name, self._schema_text(type_name), metadata))
+            self._types[topic] = type_name
+
+    def write(self, topic: str, type_name: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None) -> None:
+        """Queues one serialised message; returns at once.
+
+        Args:
+            topic: As live; it is recorded under ``/recorded/``.
+            type_name: ``package/msg/Name``.
+            data: CDR, as ``serialize_message`` gives it.
+            log_time_ns: ROS time of receipt or sending, in [ns].
+            publish_time_ns: ROS time of publication, in [ns]; by default the same.
+
+        Raises:
+            RecorderError: A fault is latched, the queue is full, or the log is closed: the message is counted as lost.
+            SchemaError: The type is not installed.
+        """
+        if self._types.get(topic) != type_name:
+            self.add_topic(topic, type_name)
+        publish_ns = log_time_ns if publish_time_ns is None else publish_time_ns
+        self._put(_Message(recorded_topic(topic), log_time_ns, publish_ns, data))
+
+    def add_metadata(self, name: str, data: Mapping[str, str]) -> None:
+        """Queues named strings: versions, hashes, parameters. Raises `RecorderError` as ``write``."""
+        self._put(_Metadata(name, dict(data)))
+
+    def add_attachment(self, name: str, data: bytes, media_type: str = "text/plain") -> None:
+        """Queues a whole file: configuration, calibration, library. Raises `RecorderError` as ``write``."""
+        self._put(_Attachment(name, media_type, data, time.time_ns()))
+
+    def sync(self, timeout_s: float = 10.0) -> None:
+        """Waits until all that was queued before is on the disk itself, not only with the operating system.
+
+        Raises:
+            RecorderError: A fault is latched, or it takes longer.
+        """
+        done = threading.Event()
+        self._put(_Sync(done))
+        if not done.wait(timeout_s):
+            raise RecorderError(str(self.path), f"the disk did not take it in {timeout_s:g} s; check disk and load")
+        self._raise_fault()
+
+    def close(self) -> Recording:
+        """Writes everything queued, finishes the journal, and rewrites, verifies and syncs the log. Twice is fine.
+
+        Raises:
+            RecorderError: The log cannot be finished; what was written stays in the journal.
+        """
+        with self._lock:
+            first, self._closed = not self._closed, True
+        if first:
+            self._queue.put(None)
+        self._thread.join()
+        if self._recording is None:
+            self._recording = finish_journal(self.journal, self.path)
+        return self._recording
+
+    # ---- the queue --------------------------------------------------------------------------------------------------
+
+    def _put(self, item: _Item) -> None:
+        with self._lock:
+            try:
+                self._raise_fault()
+                if self._closed:
+                    raise RecorderError(str(self.path), "is closed")
+                try:
+                    self._queue.put_nowait(item)
+                    self._most_waiting = max(self._most_waiting, self._queue.qsize())
+                except queue.Full:
+                    self._fail(f"more than {self._queue.maxsize} messages wait for the disk; check disk and load")
+                    self._raise_fault()
+            except RecorderError:
+                self._count_lost(item)
+                raise
+
+    def _count_lost(self, item: _Item) -> None:
+        with self._lock:
+            self._lost += isinstance(item, _Message)
+
+    def _raise_fault(self) -> None:
+        if self._fault:
+            raise RecorderError(str(self.path), self._fault)
+
+    def _fail(self, problem: str) -> None:
+        if self._fault:
+            return
+        self._fault = problem
+        if self._on_fault is not None:
+            try:
+                self._on_fault(problem)
+            except Exception:
+                _log.exception("callback of the recorder")
+
+    # ---- the writing thread -----------------------------------------------------------------------------------------
+
+    def _run(self) -> None:
+        channels: dict[str, int] = {}
+        sequences: dict[str, int] = {}
+        broken = False
+        while (item := self._queue.get()) is not None:
+            try:
+                if not broken:
+                    self._write_item(item, channels, sequences)
+                    continue
+            except Exception as error:
+                broken = True
+                reason = getattr(error, "strerror", None) or str(error)
+                self._fail(f"writing failed ({reason}); free space or check the disk")
+            self._count_lost(item)
+            if isinstance(item, _Sync):
+                item.done.set()
+        try:
+            if not broken:
+                self._writer.finish()
+            self._stream.flush()
+            os.fsync(self._stream.fileno())
+        except Exception as error:
+            self._fail(f"finishing the journal failed ({error})")
+        finally:
+            with contextlib.suppress(OSError):  # told above already
+                self._stream.close()
+
+    def _write_item(self, item: _Item, channels: dict[str, int], sequences: dict[str, int]) -> None:
+        writer = self._writer
+        match item:
+            case _Message():
+                sequence = sequences[item.topic] = sequences.get(item.topic, 0) + 1
+                writer.add_message(channels[item.topic], item.log_time_ns, item.data, item.publish_time_ns, sequence)
+            case _Channel():
+                text = item.schema_text.encode()
+                schema = writer.register_schema(item.type_name, "ros2msg", text)
+                number = channels[item.topic] = writer.register_channel(item.topic, "cdr", schema, dict(item.metadata))
+                self._declared.append(Schema(id=schema, name=item.type_name, encoding="ros2msg", data=text))
+                self._declared.append(Channel(number, item.topic, "cdr", dict(item.metadata), schema))
+            case _Metadata():
+                writer.add_metadata(item.name, dict(item.data))
+            case _Attachment():
+                writer.add_attachment(item.time_ns, item.time_ns, item.name, item.media_type, item.data)
+            case _Sync():
+                self._stream.flush()
+                os.fsync(self._stream.fileno())
+                item.done.set()
+        self._checked.seal()
+        self._stream.flush()
+        if isinstance(item, _Message):
+            self._written += 1
+            if self._written == DECLARED_FIRST or self._written % DECLARED_EVERY == 0:  # damage at one place takes no topic away
+                self._checked.write_records(self._declared)
+                self._checked.seal()

@@ -1,0 +1,1 @@
+"""What may move. Pure: no port, no clock, no ROS."""

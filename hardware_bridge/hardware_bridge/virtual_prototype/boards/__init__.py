@@ -1,0 +1,1 @@
+"""Emulated servo boards, by the bytes they take and answer."""

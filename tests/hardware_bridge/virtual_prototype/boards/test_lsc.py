@@ -1,0 +1,41 @@
+from __future__ import annotations
+
+import pytest
+
+from hardware_bridge.boards.lsc import encode_frame, encode_move, encode_unload
+from hardware_bridge.virtual_prototype.boards.lsc import EmulatedLsc
+from hardware_bridge.virtual_prototype.boards.pulse_outputs import Off, Order, Timed
+
+MOVE = encode_move([1600] * 6, range(1, 7), 500)
+OBEYED = Timed((1, 2, 3, 4, 5, 6), (1600,) * 6, 0.5)
+
+
+def orders_of(data: bytes) -> list[Order]:
+    board = EmulatedLsc()
+    board.receive(data, 0.0)
+    board.process(1e9)
+    return [order for _, order in board.orders]
+
+
+def test_an_unload_lets_go() -> None:
+    assert orders_of(encode_unload([1, 2])) == [Off((1, 2))]
+
+
+@pytest.mark.parametrize(
+    "nonsense",
+    [
+        encode_frame(0x03, bytes((1, 0, 1, 1, 0, 0))),
+        encode_frame(0x03, bytes((2, 0, 1, 1, 0xDC, 5, 99, 0xDC, 5))),
+        encode_frame(0x99, b"xyz"),
+        encode_frame(0x07),
+        b"\x00\x12\x55\x55\x01\x03",
+    ],
+)
+def test_nonsense_does_nothing_and_the_next_frame_is_obeyed(nonsense: bytes) -> None:
+    assert orders_of(nonsense + MOVE) == [OBEYED]
+
+
+@pytest.mark.parametrize("kept", range(5, 25))
+def test_a_cut_frame_swallows_the_next_one(kept: int) -> None:
+    assert len(orders_of(MOVE[:kept] + MOVE)) == 0
+    assert orders_of(MOVE[:kept] + MOVE * 4)[-1] == OBEYED
