@@ -85,3 +85,7 @@ class DivergedError(SimError):
 
 class LibraryError(SimError):
     """A primitive library that cannot be read, or belongs to another model."""
+
+
+class RollRefused(SimError):
+    """A roll that is not begun, or given up: one line that says why and what to do."""

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from sixstrut_cli.faults.processes import Process, wait_until
-from tests.ros.conftest import compiled, domain, module_processes, operator, processes
+from tests.tensegrity_robot.conftest import compiled, domain, module_processes, operator, processes
 
 __all__ = ["compiled", "domain", "module_processes", "operator", "processes", "until"]
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")

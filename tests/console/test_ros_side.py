@@ -31,7 +31,7 @@ def test_what_anybody_may_publish_neither_blinds_nor_fools_a_page(ros_side, oper
 
     from sixstrut_cli.faults.processes import wait_until
     from tensegrity_interfaces.msg import BridgeState
-    from tensegrity_robot import qos
+    from tensegrity_robot.ros import qos
 
     def publisher(kind, topic, profile):
         made = operator.node.create_publisher(kind, topic, profile)

@@ -1,4 +1,4 @@
-"""`sixstrut faults` but for the failures themselves, which are tests/ros/test_failures.py: rows, texts, the page."""
+"""`sixstrut faults` but for the failures themselves (tests/tensegrity_robot/stack/test_failures.py): rows, texts, the page."""
 
 from __future__ import annotations
 

@@ -31,11 +31,11 @@ from sixstrut_cli.spinner import Spinner
 from sixstrut_cli.stack import wait_until
 from tensegrity_interfaces.msg import LeaseProof
 from tensegrity_interfaces.srv import Arm
-from tensegrity_robot import qos
-from tensegrity_robot.cdr import wire_bytes
-from tests.ros.conftest import compiled, domain
-from tests.ros.test_viewers import viewed_topics
+from tensegrity_robot.ros import qos
+from tensegrity_robot.ros.cdr import wire_bytes
 from tests.sixstrut_cli.foxglove_client import PROTOCOL, App
+from tests.tensegrity_robot.conftest import compiled, domain
+from tests.tensegrity_robot.stack.test_viewers import viewed_topics
 
 __all__ = ["compiled", "domain"]
 pytestmark = pytest.mark.ros

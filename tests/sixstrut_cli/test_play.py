@@ -23,8 +23,8 @@ from sixstrut_cli.playing import TOLD, filled
 from sixstrut_cli.replaying import replay
 from sixstrut_cli.ros_types import message_class
 from tensegrity_interfaces.msg import StrutsSent
-from tensegrity_robot import qos
-from tensegrity_robot.cdr import wire_bytes
+from tensegrity_robot.ros import qos
+from tensegrity_robot.ros.cdr import wire_bytes
 
 EXAMPLE = Path(__file__).parents[2] / "bags" / "example.mcap"
 

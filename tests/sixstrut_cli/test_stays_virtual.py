@@ -19,8 +19,8 @@ from hardware_bridge.virtual_prototype.boards.lsc import EmulatedLsc
 from sixstrut_cli.faults.client import Operator
 from sixstrut_cli.faults.processes import Process, Processes, wait_until
 from tensegrity_interfaces.msg import BridgeState
-from tests.ros.conftest import compiled, domain
 from tests.sixstrut_cli.terminal import ENTER, Terminal
+from tests.tensegrity_robot.conftest import compiled, domain
 
 __all__ = ["compiled", "domain"]
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]

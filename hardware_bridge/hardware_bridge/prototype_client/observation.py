@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware_bridge.errors import ObserverError
-from hardware_bridge.text import printable
+from sim_core.files.printable import printable
 
 FAR_M = 1e4
 """No floor is larger."""

@@ -18,9 +18,9 @@ from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.prototype_client import handshake as virtual_port
 from hardware_bridge.prototype_client.handshake import default_link
+from hardware_bridge.recording.session_bag import bag_folder
 from hardware_bridge.saved_state.state_file import state_directory
-from tensegrity_robot.discovery import PROFILES, RANGE
-from tensegrity_robot.session_log import bag_folder
+from tensegrity_robot.ros.discovery import PROFILES, RANGE
 
 FREE_NEEDED_BYTES = 1_000_000_000
 """An hour's session is some 300 MB, and it is written twice while it is finished."""

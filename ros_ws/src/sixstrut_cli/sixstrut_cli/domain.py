@@ -176,7 +176,7 @@ def _bridges(number: int) -> list[str]:
     from rclpy.node import Node
     from rclpy.signals import SignalHandlerOptions
 
-    from tensegrity_robot.discovery import discovery_changes, loopback_profile
+    from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
 
     os.environ.update(discovery_changes(os.environ, loopback_profile()))
     context = Context()

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import tornado.ioloop
 
-from hardware_bridge.text import printable
+from sim_core.files.printable import printable
 from sixstrut_cli.guarded import LOOPBACK, MOST_UNSENT, Gate, GuardedSocket, RateLimit, address, listening, own_page
 
 ENCODING = "cdr"

@@ -26,16 +26,16 @@ from std_srvs.srv import Trigger
 
 from hardware_bridge.errors import SchemaError
 from hardware_bridge.recording.message_definitions import ShareSchemas
-from hardware_bridge.text import printable
+from sim_core.files.printable import printable
 from sixstrut_cli.errors import ConsoleError, StackError
 from sixstrut_cli.foxglove_protocol import ENCODING, Half, Hub, Service, Told
 from sixstrut_cli.ros_types import message_class
 from sixstrut_cli.spinner import Spinner
 from sixstrut_cli.stack import Stack
 from tensegrity_interfaces.srv import Arm, Disarm
-from tensegrity_robot import qos
-from tensegrity_robot.cdr import wire_bytes
-from tensegrity_robot.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros import qos
+from tensegrity_robot.ros.cdr import wire_bytes
+from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
 
 GOAL = "goal_pose"
 STOP, STOP_AGAIN_S = "stop", 0.25

@@ -19,14 +19,14 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
-from hardware_bridge.text import printable
+from sim_core.files.printable import printable
+from sim_core.twin.live_bridge import LiveBridge
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.stack import Stack, wait_until
 from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TrialRecord, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, LogTrial, SetFace
-from tensegrity_robot.discovery import discovery_changes, loopback_profile
-from tensegrity_robot.live_bridge import LiveBridge
+from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
 
 LONGEST_WORDS = 2000
 DISCOVERY_LIMIT_S = 30.0

@@ -22,16 +22,16 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from hardware_bridge.recording.bag_reader import Bag, BagError, Recorded, Session, read_bag
-from hardware_bridge.text import printable
+from sim_core.files.printable import printable
 from sim_core.twin.follower import MOST_TIME_SCALE
 from sixstrut_cli.errors import StackError
 from sixstrut_cli.replaying import events_of, model_of
 from sixstrut_cli.ros_types import message_class
 from sixstrut_cli.stack import Stack, executable, ros_arguments, wait_until
 from tensegrity_interfaces.msg import TwinState
-from tensegrity_robot import qos
-from tensegrity_robot.cdr import wire_bytes
-from tensegrity_robot.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros import qos
+from tensegrity_robot.ros.cdr import wire_bytes
+from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
 
 TOLD: dict[str, QoSProfile] = {
     "bridge/struts_sent": qos.STREAM,

@@ -23,7 +23,7 @@ from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
 from hardware_bridge.driver.child_process import bound
-from tensegrity_robot.launch_arguments import ARGUMENTS, require_arguments, require_known, truth
+from tensegrity_robot.ros.launch_arguments import ARGUMENTS, require_arguments, require_known, truth
 
 PACKAGE = "tensegrity_robot"
 LAUNCHS_OWN = ("launch-prefix", "launch-prefix-filter")

@@ -54,7 +54,7 @@ def command(
     sixstrut trial bags/monday --primitives 1-4 --virtual --perturbation 0.1 --seed 3
     sixstrut trial bags/monday --virtual
     """
-    from hardware_bridge.text import NAME_MOST, printable
+    from sim_core.files.printable import NAME_MOST, printable
     from sixstrut_cli.trials.starting import Asked, run
     from sixstrut_cli.trials.starting import experimenter as login
 

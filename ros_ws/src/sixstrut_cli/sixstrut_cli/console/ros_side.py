@@ -23,16 +23,16 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from hardware_bridge.text import NAME_MOST, printable
+from sim_core.files.printable import NAME_MOST, printable
+from sim_core.twin.live_bridge import LiveBridge
 from sixstrut_cli.console.facts import NOWHERE, Facts, rehearsal_of
 from sixstrut_cli.spinner import Spinner
 from sixstrut_cli.trials.remote import KEY_TOPIC, PANEL_TOPIC, key_text
 from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, Rehearse, SetFace
-from tensegrity_robot import qos
-from tensegrity_robot.discovery import discovery_changes, loopback_profile
-from tensegrity_robot.live_bridge import LiveBridge
+from tensegrity_robot.ros import qos
+from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
 
 Answer = Callable[[bool, str], None]
 """Told once whether something was done, and in words how it went."""

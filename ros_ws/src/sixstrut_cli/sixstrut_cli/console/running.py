@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import tornado.ioloop
 
-from hardware_bridge.text import NAME_MOST, printable
+from sim_core.files.printable import NAME_MOST, printable
 from sim_core.structure.topology import FACES
 from sixstrut_cli.console.facts import Facts, Page, Selection, document_of
 from sixstrut_cli.console.ground import FARTHEST_M, Ground

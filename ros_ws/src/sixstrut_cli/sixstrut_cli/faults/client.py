@@ -21,11 +21,11 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hardware_bridge.errors import may_be_sent_again
 from hardware_bridge.safety.lease_proof import Prover
+from sim_core.twin.live_bridge import LiveBridge
 from sixstrut_cli.faults.processes import START_LIMIT_S, wait_until
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, Rehearsal, StrutsSent, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, FaceGraph, SetFace
-from tensegrity_robot.live_bridge import LiveBridge
 
 ANSWER_LIMIT_S = 15.0
 JUDGING_LIMIT_S = 60.0

@@ -12,7 +12,7 @@ from sixstrut_cli.domain import private_domain
 from sixstrut_cli.faults.lab import Lab, scratch
 from sixstrut_cli.faults.rows import RUNNING_ORDER, scenario
 from sixstrut_cli.faults.scenario import Evidence, Scenario
-from tensegrity_robot.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
 
 
 @dataclass(frozen=True)

@@ -58,8 +58,8 @@ class Remote:
         from rclpy.signals import SignalHandlerOptions
         from std_msgs.msg import String
 
-        from tensegrity_robot import qos
-        from tensegrity_robot.discovery import discovery_changes, loopback_profile
+        from tensegrity_robot.ros import qos
+        from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
 
         os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self.keys_from, self._keys_to = os.pipe()

@@ -109,7 +109,7 @@ class Session:
 
     def _not_in_bags(self) -> list[Line]:
         """Lines that are in no bag yet: the session was killed in between."""
-        from tensegrity_robot.session_log import mend_journals
+        from hardware_bridge.recording.session_bag import mend_journals
 
         for told in mend_journals(self._folder.bags.resolve()):
             self._panel.line(told)

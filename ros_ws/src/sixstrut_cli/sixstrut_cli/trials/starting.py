@@ -98,7 +98,7 @@ def run(asked: Asked) -> int:
 
 
 def _new_path(asked: Asked) -> Path:
-    from tensegrity_robot.session_log import bag_folder
+    from hardware_bridge.recording.session_bag import bag_folder
 
     name = Path(str(asked.plan.get("library") or DEFAULTS["library"])).stem
     return bag_folder("") / f"trials_{name}_{time.strftime('%Y%m%d_%H%M%S', time.gmtime())}"

@@ -1,0 +1,1 @@
+"""The nodes `gait_planner` and `traveller`."""

@@ -1,0 +1,1 @@
+"""What the nodes share: parameters, processes, quality of service, exact bytes, discovery."""

@@ -1,0 +1,89 @@
+"""One node, one process: from the start to a clean end by a signal."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Protocol, cast
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.errors import StartError
+
+End = Callable[[int], None]
+"""Asks the process to end with an exit code. May be called from any thread."""
+
+
+class RunnableNode(Protocol):
+    """What `run` needs of a node beside being one."""
+
+    def halt(self) -> None:
+        """Stop whatever moves, at once. Called while callbacks may still run, from another thread."""
+
+    def close(self) -> None:
+        """Let go of files, ports and threads. No callback runs any more."""
+
+    def destroy_node(self) -> None:
+        """As rclpy's."""
+
+
+def age_s() -> float:
+    """Time since the system started this process, in s, to about 10 ms: what came before the first line of Python counts."""
+    fields = Path("/proc/self/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - int(fields[19]) / os.sysconf("SC_CLK_TCK")
+
+
+def run(make_node: Callable[[End], RunnableNode], args: list[str] | None = None) -> int:
+    """Make the node, spin it on a single-threaded executor until SIGINT, SIGTERM or `End`, end it; return the exit code.
+
+    The executor has a thread of its own; the main thread only waits for the end. A signal therefore interrupts no callback, and a
+    second one disturbs no clean-up.
+    """
+    os.environ.update(discovery_changes(os.environ, loopback_profile()))
+    ends: SimpleQueue[int] = SimpleQueue()  # its put may be called from a signal handler
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ends.put(0))
+    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        node = make_node(ends.put)
+    except StartError as error:
+        print(f"error: {error}", file=sys.stderr)
+        rclpy.try_shutdown()
+        return 1
+    executor = SingleThreadedExecutor()
+    executor.add_node(cast(Node, node))
+
+    def spin() -> None:
+        try:
+            executor.spin()
+        except ExternalShutdownException:
+            ends.put(0)
+        except Exception:
+            traceback.print_exc()
+            ends.put(1)
+
+    thread = threading.Thread(target=spin, name="executor", daemon=True)
+    thread.start()
+    code = ends.get()
+    try:
+        node.halt()
+        executor.shutdown()
+        thread.join(timeout=2.0)
+    finally:
+        node.close()
+    node.destroy_node()
+    rclpy.try_shutdown()
+    for number in (signal.SIGINT, signal.SIGTERM):  # the interpreter's own end would make a late one deadly
+        signal.signal(number, signal.SIG_IGN)
+    return code

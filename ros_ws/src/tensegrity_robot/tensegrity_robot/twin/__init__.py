@@ -1,0 +1,1 @@
+"""The node `twin`, and what RViz draws of it."""
