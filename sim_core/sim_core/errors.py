@@ -89,3 +89,7 @@ class LibraryError(SimError):
 
 class RollRefused(SimError):
     """A roll that is not begun, or given up: one line that says why and what to do."""
+
+
+class ClusterError(SimError):
+    """A cluster that does not answer, has no workers, or whose workers cannot do the work."""

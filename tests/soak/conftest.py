@@ -33,8 +33,8 @@ def lab():
     """A stack of this module's own, in a ROS domain of its own."""
     from pathlib import Path
 
-    from sixstrut_cli.domain import free_domain
-    from sixstrut_cli.faults.lab import Lab, scratch
+    from tensegrity_lab.failures.rig import Lab, scratch
+    from tensegrity_lab.stack.ros_domain import free_domain
 
     with free_domain() as domain, scratch() as folder:
         lab = Lab(Path(folder), domain)

@@ -13,11 +13,11 @@ import pytest
 from hardware_bridge.prototype_client.fault_client import FROM_BOARD, TO_BOARD
 from hardware_bridge.recording.bag_reader import read_session
 from sim_core.structure.topology import NEIGHBOURS
-from sixstrut_cli.faults.lab import Lab, Setup
-from sixstrut_cli.faults.processes import wait_until
-from sixstrut_cli.faults.scenario import shape_of
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
+from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.failures.rig import Lab, Setup
+from tensegrity_lab.failures.scenario import shape_of
 
 pytestmark = [pytest.mark.soak, pytest.mark.ros, pytest.mark.timeout(3600)]
 

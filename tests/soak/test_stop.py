@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from sixstrut_cli.faults.lab import STRUTS, percentile
-from sixstrut_cli.faults.rows_command import STOP_LIMIT_MS, rehearsing, stop_times_ms
+from tensegrity_lab.failures.command_failures import STOP_LIMIT_MS, rehearsing, stop_times_ms
+from tensegrity_lab.failures.rig import STRUTS, percentile
 
 pytestmark = [pytest.mark.soak, pytest.mark.ros, pytest.mark.timeout(3600)]
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sixstrut_cli.domain import free_domain
+from tensegrity_lab.stack.ros_domain import free_domain
 
 
 @pytest.fixture(scope="module")
@@ -30,7 +30,7 @@ def compiled() -> None:
 @pytest.fixture(scope="module")
 def module_processes(tmp_path_factory: pytest.TempPathFactory, domain: int, compiled: None):
     """Processes that live as long as the module's tests."""
-    from sixstrut_cli.faults.processes import Processes
+    from tensegrity_lab.failures.processes import Processes
 
     processes = Processes(tmp_path_factory.mktemp("stack"), domain)
     yield processes
@@ -40,7 +40,7 @@ def module_processes(tmp_path_factory: pytest.TempPathFactory, domain: int, comp
 @pytest.fixture
 def processes(tmp_path: Path, domain: int, compiled: None):
     """Processes of one test."""
-    from sixstrut_cli.faults.processes import Processes
+    from tensegrity_lab.failures.processes import Processes
 
     processes = Processes(tmp_path, domain)
     yield processes
@@ -50,7 +50,7 @@ def processes(tmp_path: Path, domain: int, compiled: None):
 @pytest.fixture
 def operator(domain: int):
     """An operator of one test."""
-    from sixstrut_cli.faults.client import Operator
+    from tensegrity_lab.failures.operator import Operator
 
     operator = Operator(domain)
     yield operator

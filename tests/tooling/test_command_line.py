@@ -12,9 +12,9 @@ from sixstrut_cli import app, registry
 
 def use(monkeypatch: pytest.MonkeyPatch, command) -> None:
     """Puts `command` in the place of the command `test`."""
-    module = ModuleType("sixstrut_cli.commands.test")
+    module = ModuleType("sixstrut_cli.commands.develop.test")
     module.command = command  # type: ignore[attr-defined]
-    monkeypatch.setitem(sys.modules, "sixstrut_cli.commands.test", module)
+    monkeypatch.setitem(sys.modules, "sixstrut_cli.commands.develop.test", module)
 
 
 def raising(error: BaseException):
@@ -77,7 +77,7 @@ def test_no_command_shows_the_help(capsys):
 
 def test_a_command_whose_module_is_missing_is_told_loudly(monkeypatch, tmp_path):
     monkeypatch.setattr(registry, "_COMMANDS", tmp_path)
-    with pytest.raises(FileNotFoundError, match=r"modules are missing in .*: demo\.py, roll\.py"):
+    with pytest.raises(FileNotFoundError, match=r"modules are missing in .*: robot\.demo, model\.roll"):
         registry.names()
 
 

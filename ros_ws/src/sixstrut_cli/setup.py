@@ -10,7 +10,6 @@ setup(
     maintainer="sixstrut maintainers",
     maintainer_email="maintainers@sixstrut.example",
     packages=find_packages(),
-    package_data={"sixstrut_cli.console": ["page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),

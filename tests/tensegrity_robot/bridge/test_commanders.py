@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
-from sixstrut_cli.faults.client import Operator
-from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState, LeaseProof
 from tensegrity_interfaces.srv import Arm
+from tensegrity_lab.failures.operator import Operator
+from tensegrity_lab.failures.processes import wait_until
 
 pytestmark = pytest.mark.ros
 

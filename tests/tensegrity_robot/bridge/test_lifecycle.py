@@ -14,9 +14,9 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from std_srvs.srv import Trigger
 
 from hardware_bridge.boards.lsc import FrameDecoder, decode_move
-from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
+from tensegrity_lab.failures.processes import wait_until
 
 pytestmark = pytest.mark.ros
 

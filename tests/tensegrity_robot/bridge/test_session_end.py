@@ -21,8 +21,8 @@ from hardware_bridge.recording.bag_reader import Session, read_session
 from sim_core.dynamics.model import build_model
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.follower import Follower, Observed, Sent
-from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.srv import Arm
+from tensegrity_lab.failures.processes import wait_until
 
 pytestmark = pytest.mark.ros
 END_OF_LISTENING = b"end of listening"
@@ -31,7 +31,7 @@ END_OF_LISTENING = b"end of listening"
 @pytest.fixture(scope="module")
 def interrupted(module_processes, domain):
     """Bags of sessions that were ended in mid-roll, by how."""
-    from sixstrut_cli.faults.client import Operator
+    from tensegrity_lab.failures.operator import Operator
 
     operator = Operator(domain)
     bags: dict[str, tuple[Path, int, str]] = {}

@@ -7,9 +7,9 @@ import time
 import pytest
 
 from hardware_bridge.errors import may_be_sent_again
-from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
+from tensegrity_lab.failures.processes import wait_until
 
 pytestmark = pytest.mark.ros
 

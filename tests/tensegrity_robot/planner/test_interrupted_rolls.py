@@ -7,10 +7,10 @@ import signal
 import pytest
 from action_msgs.msg import GoalStatus
 
-from sixstrut_cli.faults.client import Operator
-from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
+from tensegrity_lab.failures.operator import Operator
+from tensegrity_lab.failures.processes import wait_until
 
 pytestmark = pytest.mark.ros
 NEUTRAL = [0.234] * 6

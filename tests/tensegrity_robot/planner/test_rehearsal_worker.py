@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
+from tensegrity_lab.failures.processes import wait_until
 
 pytestmark = pytest.mark.ros
 
@@ -14,7 +14,7 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def robot(processes, domain):
     """A robot without errors, and a planner that expects the worst: steep ground and ill-made robots, and wants certainty."""
-    from sixstrut_cli.faults.client import Operator
+    from tensegrity_lab.failures.operator import Operator
 
     prototype = processes.start("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
     processes.start("twin")

@@ -8,9 +8,9 @@ import pytest
 from action_msgs.msg import GoalStatus
 from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 
-from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, SetFace
+from tensegrity_lab.failures.processes import wait_until
 from tests.tensegrity_robot.stack.test_viewers import viewed_topics
 
 pytestmark = pytest.mark.ros
@@ -44,7 +44,7 @@ def stack(module_processes):
 
 @pytest.fixture(scope="module")
 def stack_operator(stack, domain):
-    from sixstrut_cli.faults.client import Operator
+    from tensegrity_lab.failures.operator import Operator
 
     operator = Operator(domain)
     operator.meets_stack()

@@ -8,11 +8,11 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.action import ActionClient
 
-from sixstrut_cli.faults.client import LATCHED, Operator
-from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.action import Travel
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
+from tensegrity_lab.failures.operator import LATCHED, Operator
+from tensegrity_lab.failures.processes import wait_until
 
 pytestmark = pytest.mark.ros
 LIMIT_S = 120.0

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sixstrut_cli.faults.processes import wait_until
+from tensegrity_lab.failures.processes import wait_until
 from tensegrity_robot.ros.discovery import PROFILES, RANGE, TRANSPORTS, discovery_changes, loopback_profile
 
 PROFILE = Path(__file__)  # any file that exists

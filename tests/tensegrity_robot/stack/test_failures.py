@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from sixstrut_cli.faults.lab import Lab, scratch
-from sixstrut_cli.faults.page import DOCS_PAGE, page_rows
-from sixstrut_cli.faults.rows import RUNNING_ORDER, SCENARIOS, scenario
-from sixstrut_cli.faults.scenario import shape_of
+from tensegrity_lab.failures.page import DOCS_PAGE, page_rows
+from tensegrity_lab.failures.rig import Lab, scratch
+from tensegrity_lab.failures.scenario import shape_of
+from tensegrity_lab.failures.table import RUNNING_ORDER, SCENARIOS, scenario
 
 pytestmark = pytest.mark.ros
 

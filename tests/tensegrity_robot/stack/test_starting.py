@@ -14,9 +14,9 @@ from lifecycle_msgs.srv import ChangeState, GetState
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, FaceGraph
+from tensegrity_lab.failures.processes import wait_until
 
 pytestmark = pytest.mark.ros
 

@@ -7,9 +7,9 @@ from collections import defaultdict
 import pytest
 
 from hardware_bridge.recording.bag_reader import read_session
-from sixstrut_cli.bench.stack import running, start_up
-from sixstrut_cli.bench.stack.figures import Plan
-from sixstrut_cli.replaying import replay
+from tensegrity_lab.bags.replay import replay
+from tensegrity_lab.benchmarks.stack import live_stack, start_up
+from tensegrity_lab.benchmarks.stack.metrics import Plan
 
 pytestmark = pytest.mark.ros
 PLAN = Plan(rate_hz=200.0, seconds=1.0, goals=3, cancels=2, stops=1)
@@ -19,7 +19,7 @@ PLAN = Plan(rate_hz=200.0, seconds=1.0, goals=3, cancels=2, stops=1)
 def measured(tmp_path_factory, domain):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("ROS_DOMAIN_ID", str(domain))
-        yield running.run(PLAN, tmp_path_factory.mktemp("fast"), (), lambda what: None)
+        yield live_stack.run(PLAN, tmp_path_factory.mktemp("fast"), (), lambda what: None)
 
 
 def test_every_figure_is_measured(measured):

@@ -12,8 +12,8 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import StrutsSent, TwinState
+from tensegrity_lab.failures.processes import wait_until
 from tensegrity_robot.ros import qos
 
 pytestmark = pytest.mark.ros

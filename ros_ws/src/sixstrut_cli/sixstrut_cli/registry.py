@@ -13,32 +13,34 @@ class Entry(NamedTuple):
 
 
 _ALL = (
-    Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "demo"),
-    Entry("roll", "Simulate one roll and judge it.", "roll"),
-    Entry("search", "Find primitives with a genetic algorithm: improved, previous or robust.", "search"),
-    Entry("route", "The likeliest sequence of rolls from one face to another.", "route"),
-    Entry("travel", "Roll the virtual prototype to a place on the floor, replanned after every roll.", "travel"),
-    Entry("rehearse", "Try a roll on perturbed robots before the real one does it: odds and outcomes.", "rehearse"),
-    Entry("robustness", "Try a library's 24 gaits on perturbed prototypes: rates, intervals, what kills them.", "robustness"),
-    Entry("climb", "How steep each primitive of a library still rolls uphill.", "climb"),
-    Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "recheck"),
-    Entry("trial", "Run a session of trials, a day long and resumable: primitives × gaits × repeats.", "trial"),
-    Entry("report", "Success rates, intervals and tests of sessions, as a page with the paper's Figure 8.", "report"),
-    Entry("odds", "Set the rehearsals' odds in any bags against what then happened: a calibration plot.", "odds"),
-    Entry("campaign", "Whole libraries on virtual prototypes, fast, and a sample of it through the whole stack.", "campaign"),
-    Entry("fit", "Learn from trials: an ensemble of robots that would have had them, and odds of every gait.", "fit"),
-    Entry("console", "The robot in the browser: twin, odds, rolls by clicks, a stop button.", "console"),
-    Entry("foxglove", "Serve the live stack to the Foxglove app: every topic, and a stop button.", "foxglove"),
-    Entry("replay", "Step the twin through a recorded session and compare.", "replay"),
-    Entry("play", "Play a recorded session into ROS, for a twin and viewers.", "play"),
-    Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "calibrate"),
-    Entry("doctor", "Check port, pairing, calibration, disk and versions; say how to mend each.", "doctor"),
-    Entry("parameters", "Show the parameters of robot and model, with their sources.", "parameters"),
-    Entry("calibrate-model", "Scale the ropes until the first natural frequency is the given one.", "calibrate_model"),
-    Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "bench"),
-    Entry("faults", "Make failures happen to the stack and look what comes of each; docs/failures.md.", "faults"),
-    Entry("validate", "Compare the solver with closed forms; write docs/validation.md.", "validate"),
-    Entry("test", "Run the checks and tests; with arguments, only pytest with these.", "test"),
+    Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "robot.demo"),
+    Entry("roll", "Simulate one roll and judge it.", "model.roll"),
+    Entry("search", "Find primitives with a genetic algorithm: improved, previous or robust.", "model.search"),
+    Entry("route", "The likeliest sequence of rolls from one face to another.", "model.route"),
+    Entry("travel", "Roll the virtual prototype to a place on the floor, replanned after every roll.", "robot.travel"),
+    Entry("rehearse", "Try a roll on perturbed robots before the real one does it: odds and outcomes.", "model.rehearse"),
+    Entry("robustness", "Try a library's 24 gaits on perturbed prototypes: rates, intervals, what kills them.", "model.robustness"),
+    Entry("climb", "How steep each primitive of a library still rolls uphill.", "model.climb"),
+    Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "model.recheck"),
+    Entry("trial", "Run a session of trials, a day long and resumable: primitives × gaits × repeats.", "trials.trial"),
+    Entry("report", "Success rates, intervals and tests of sessions, as a page with the paper's Figure 8.", "trials.report"),
+    Entry("odds", "Set the rehearsals' odds in any bags against what then happened: a calibration plot.", "trials.odds"),
+    Entry(
+        "campaign", "Whole libraries on virtual prototypes, fast, and a sample of it through the whole stack.", "trials.campaign"
+    ),
+    Entry("fit", "Learn from trials: an ensemble of robots that would have had them, and odds of every gait.", "trials.fit"),
+    Entry("console", "The robot in the browser: twin, odds, rolls by clicks, a stop button.", "robot.console"),
+    Entry("foxglove", "Serve the live stack to the Foxglove app: every topic, and a stop button.", "robot.foxglove"),
+    Entry("replay", "Step the twin through a recorded session and compare.", "trials.replay"),
+    Entry("play", "Play a recorded session into ROS, for a twin and viewers.", "robot.play"),
+    Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "robot.calibrate"),
+    Entry("doctor", "Check port, pairing, calibration, disk and versions; say how to mend each.", "robot.doctor"),
+    Entry("parameters", "Show the parameters of robot and model, with their sources.", "model.parameters"),
+    Entry("calibrate-model", "Scale the ropes until the first natural frequency is the given one.", "model.calibrate_model"),
+    Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "develop.bench"),
+    Entry("faults", "Make failures happen to the stack and look what comes of each; docs/failures.md.", "develop.faults"),
+    Entry("validate", "Compare the solver with closed forms; write docs/validation.md.", "model.validate"),
+    Entry("test", "Run the checks and tests; with arguments, only pytest with these.", "develop.test"),
     Entry("setup", "Only set up: .venv with all packages, and the build of ros_ws.", None),
     Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None),
     Entry("clean", "Remove what set-up made.", None),
@@ -55,7 +57,11 @@ def entries() -> list[Entry]:
     Raises:
         FileNotFoundError: A command's module is not where this table says.
     """
-    missing = [f"{entry.module}.py" for entry in _ALL if entry.module and not (_COMMANDS / f"{entry.module}.py").is_file()]
+    missing = [
+        entry.module
+        for entry in _ALL
+        if entry.module and not _COMMANDS.joinpath(*entry.module.split(".")).with_suffix(".py").is_file()
+    ]
     if missing:
         raise FileNotFoundError(f"registry.py names commands whose modules are missing in {_COMMANDS}: {', '.join(missing)}")
     return list(_ALL)

@@ -1,0 +1,137 @@
+"""`sixstrut bench`: speed, accuracy and memory, side by side with MuJoCo; or, with --stack, what the stack itself costs."""
+
+from __future__ import annotations
+
+import os
+import signal
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sixstrut_cli.options import JsonOption, PrototypeOption
+
+
+def command(
+    stack: Annotated[
+        bool, typer.Option("--stack", help="What the stack itself costs instead: twin, latency, recorder, processes, start.")
+    ] = False,
+    library: Annotated[
+        str | None,
+        typer.Option(metavar="NAME", help="Only roll this library's gaits in MuJoCo, and count.", show_default=False),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="A minute or two, rougher figures; writes only to --output.", show_default=False)
+    ] = False,
+    threads: Annotated[
+        int | None,
+        typer.Option(min=1, help="Threads to measure besides one; default: 2, if there are two processors.", show_default=False),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Page to write, its picture goes to images/ beside it; default: docs/benchmark.md, docs/benchmark_stack.md.",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+    prototype: PrototypeOption = None,
+) -> None:
+    """Measure the solver beside MuJoCo: the same robot, the same policies, one run (about five minutes).
+
+    The first run installs MuJoCo into .sixstrut/, not into .venv. With --stack, measure what the stack itself costs instead (about
+    as long, no MuJoCo). Leave the computer alone while it measures.
+
+    sixstrut bench
+    sixstrut bench --stack
+    sixstrut bench --stack --quick --json
+    sixstrut bench --library robust
+    """
+    root = os.environ.get("SIXSTRUT_ROOT")
+    if root is None or not (Path(root) / "requirements-bench.lock").is_file():
+        raise typer.BadParameter("the benchmark is in the repository: run ./sixstrut bench there")
+    page = Path(root) / "docs" / ("benchmark_stack.md" if stack else "benchmark.md")
+    path = output or (None if quick else page)
+    if library is not None:
+        _in_mujoco(Path(root), library, threads, as_json, prototype)
+    elif stack:
+        if threads is not None or prototype is not None:
+            raise typer.BadParameter("--threads and --prototype are of the solver's benchmark: leave them out with --stack")
+        _measure_stack(quick, path, as_json)
+    else:
+        _measure_solver(Path(root), quick, threads, path, as_json, prototype)
+
+
+def _say(what: str) -> None:
+    typer.echo(what, err=True)
+
+
+def _measure_stack(quick: bool, path: Path | None, as_json: bool) -> None:
+    from tensegrity_lab.benchmarks.stack import measure, metrics, report
+
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes have to be ended
+    result = measure.measure(metrics.QUICK if quick else metrics.Plan(), _say)
+    if path is not None:
+        picture = path.parent / "images" / f"{path.stem}.png"
+        report.draw(result, picture)
+        path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
+        _say(f"wrote {path} and {picture}")
+    typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
+
+
+def _measure_solver(root: Path, quick: bool, threads: int | None, path: Path | None, as_json: bool, prototype: Path | None) -> None:
+    import importlib
+
+    from sim_core.dynamics.model import build_model
+    from sim_core.structure.parameters import load_prototype
+    from sim_core.twin.model_versions import label_of
+    from tensegrity_lab.benchmarks.solver import equilibrium, measure, mujoco_install, report
+
+    say = _say
+    load = os.getloadavg()[0]
+    folder = mujoco_install.make_importable(root, say)
+    most = threads or min(2, os.cpu_count() or 1)
+    plan = measure.Plan(threads=tuple(dict.fromkeys((1, most))))
+    if quick:
+        plan = replace(plan, tasks=8, rounds=2, budget_s=0.1, judged=64, memory_rolls=4)
+    robot = load_prototype(prototype)
+    tasks = measure.tasks_of(robot, plan.tasks, plan.seed)
+    speeds = measure.speeds(measure.engines_of(robot), measure.moments_of(tasks, plan.seed), plan, say)
+    judged = measure.judged_rolls(robot, measure.tasks_of(robot, plan.judged, plan.seed), most, say)
+    rehearsal = measure.rehearsal(robot, most, say)
+    rests = equilibrium.rests(robot)
+    accuracies = measure.accuracies(robot, tasks, most, say)
+    memories = measure.memories(str(prototype) if prototype else None, plan, str(folder), say)
+    mujoco = importlib.import_module("mujoco").__version__
+    machine = report.this_machine(mujoco, (load, os.getloadavg()[0]))
+    result = report.Report(machine, plan, label_of(build_model(robot).hash), speeds, judged, rehearsal, rests, accuracies, memories)
+    picture = None if path is None else path.parent / "images" / f"{path.stem}.png"
+    if path is not None and picture is not None:
+        report.draw(result, picture)
+        path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
+        say(f"wrote {path} and {picture}")
+    typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
+
+
+def _in_mujoco(root: Path, name: str, threads: int | None, as_json: bool, prototype: Path | None) -> None:
+    import json
+
+    from sim_core.gaits.library import load_library
+    from sim_core.structure.parameters import load_prototype
+    from tensegrity_lab.benchmarks.solver import mujoco_install
+    from tensegrity_lab.benchmarks.solver.library_in_mujoco import text_of, tried_in_mujoco
+
+    shelf = load_library(name)
+    mujoco_install.make_importable(root, _say)
+    _say(f"rolling {24 * len(shelf.primitives)} gaits in MuJoCo, a minute or so")
+    tried = tried_in_mujoco(load_prototype(prototype), shelf, threads or min(2, os.cpu_count() or 1))
+    if as_json:
+        works, pairs = tried.possible
+        rates = {p.name: rate.value for p, rate in zip(shelf.primitives, tried.rates, strict=True)}
+        document = {"library": shelf.name, "hash": shelf.hash, "rates": rates, "all": float(tried.wins.mean())}
+        typer.echo(json.dumps(document | {"rolls_with_a_gait": works, "rolls": pairs}))
+    else:
+        typer.echo(text_of(tried))

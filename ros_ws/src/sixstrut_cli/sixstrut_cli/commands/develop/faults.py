@@ -1,0 +1,95 @@
+"""`sixstrut faults`: the failures that must be survived, made to happen."""
+
+from __future__ import annotations
+
+import json
+import signal
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sixstrut_cli.options import DomainOption, JsonOption
+
+ROWS = range(1, 25)
+
+
+def command(
+    only: Annotated[str, typer.Option("--only", help="Only these rows, such as 3,14.", show_default=False)] = "",
+    page: Annotated[Path | None, typer.Option("--page", help="Write the page (docs/failures.md) here.", show_default=False)] = None,
+    as_json: JsonOption = False,
+    domain: DomainOption = None,
+) -> None:
+    """Make each failure happen to the real nodes with a virtual prototype, and look what comes of it (three to five minutes).
+
+    Exit code 0: all were survived; 1: one was not.
+
+    sixstrut faults
+    sixstrut faults --only 3,14
+    """
+    numbers = _numbers(only)
+    if page is not None and numbers != set(ROWS):
+        raise typer.BadParameter("a page needs all rows: leave --only out")
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes have to be ended
+
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+    from rich.table import Table
+
+    from sim_core.rolling.warm_up import Stage
+    from tensegrity_lab.failures.page import as_markdown, without_folders
+    from tensegrity_lab.failures.runner import run
+    from tensegrity_lab.terminal.compile_notice import compile_first
+
+    compile_first(Stage.ROBOT, Stage.BATCH)
+    console = Console(stderr=True)
+    outcomes = []
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=as_json) as bar:
+        task = bar.add_task("", total=len(numbers))
+        show = lambda row: bar.update(task, description=f"{row.number:2} {row.failure[:60]}")  # noqa: E731
+        for outcome in run(numbers, show, domain, lambda line: bar.console.print(line, highlight=False)):
+            outcomes.append(outcome)
+            bar.advance(task)
+            mark = "[red]FAILED[/red]" if outcome.problem else "[green]survived[/green]"
+            bar.console.print(f"{outcome.scenario.number:3}  {mark}  {outcome.seconds:5.1f} s  {outcome.scenario.failure}")
+    outcomes.sort(key=lambda outcome: outcome.scenario.number)
+    failed = [outcome for outcome in outcomes if outcome.problem]
+    if as_json:
+        rows = [
+            {
+                "number": outcome.scenario.number,
+                "failure": outcome.scenario.failure,
+                "survived": not outcome.problem,
+                "problem": outcome.problem,
+                "told": outcome.evidence.told,
+                "figures": outcome.evidence.figures,
+                "boards": outcome.evidence.rows,
+                "seconds": round(outcome.seconds, 1),
+            }
+            for outcome in outcomes
+        ]
+        typer.echo(json.dumps(rows))
+    else:
+        table = Table("#", "failure", "what the operator sees", "measured", show_lines=True)
+        for outcome in outcomes:
+            told = "\n".join(map(without_folders, outcome.evidence.told)) if not outcome.problem else f"FAILED: {outcome.problem}"
+            boards = [f"{board}: {', '.join(f'{k} {v}' for k, v in row.items())}" for board, row in outcome.evidence.rows.items()]
+            measured = [f"{key}: {value:g}" for key, value in outcome.evidence.figures.items()]
+            table.add_row(str(outcome.scenario.number), outcome.scenario.failure, told, "\n".join([*measured, *boards]))
+        Console().print(table, markup=False)
+    if failed:
+        raise typer.Exit(1)
+    if page is not None:
+        page.write_text(as_markdown(outcomes), encoding="utf-8")
+        typer.echo(f"wrote {page}", err=True)
+
+
+def _numbers(only: str) -> set[int]:
+    """The rows asked for; all without a word."""
+    if not only:
+        return set(ROWS)
+    parts = [part.strip() for part in only.split(",")]
+    if not all(part.isdigit() and int(part) in ROWS for part in parts):
+        raise typer.BadParameter(f"--only is {only!r}, valid are numbers from 1 to {len(ROWS)} with commas between, such as 3,14")
+    return {int(part) for part in parts}

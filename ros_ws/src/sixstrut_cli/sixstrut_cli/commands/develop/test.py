@@ -1,0 +1,89 @@
+"""`./sixstrut test`: everything that has to hold before a change goes in."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+from types import FrameType
+from typing import Annotated
+
+import typer
+
+from hardware_bridge.driver.child_process import bound
+from tensegrity_lab.stack.ros_domain import private_domain
+
+CONTEXT_SETTINGS = {"allow_extra_args": True, "ignore_unknown_options": True}
+
+_CHECKS = {
+    "ruff check": ["-m", "ruff", "check", "."],
+    "ruff format": ["-m", "ruff", "format", "--check", "."],
+    "mypy": ["-m", "mypy"],
+}
+
+
+_SOAK = ["tests/soak", "-m", "soak", "-q"]
+
+
+def command(
+    context: typer.Context,
+    soak: Annotated[bool, typer.Option("--soak", help="The long tests instead, with their figures: a quarter of an hour.")] = False,
+) -> None:
+    """Run the linter, the format check, the type checker and all tests.
+
+    With arguments, run only pytest with these: ./sixstrut test tests/unit -k codec
+
+    With --soak, run the long ones: a million byte sequences through every decoder, 200 killed recorders, 200 stops under load, an
+    hour of robot time with faults at random. They need a machine that is not busy.
+    """
+    root = _root()
+    signal.signal(signal.SIGTERM, _on_sigterm)
+    chosen = [*(_SOAK if soak else []), *context.args]
+    pytest = {"pytest": ["-m", "pytest", *(chosen or ["--durations=10"])]}
+    steps = pytest if chosen else _CHECKS | pytest
+    with private_domain() as domain, tempfile.TemporaryDirectory(prefix="sixstrut-test-") as state:
+        environ = {**os.environ, "SIXSTRUT_STATE_DIR": state}  # tests can meet no robot that runs on this machine
+        print(f"ROS domain {domain.number}", flush=True)
+        results = [(name, *_run(name, arguments, root, environ, domain.locks)) for name, arguments in steps.items()]
+    print()
+    for name, code, seconds in results:
+        print(f"{'ok' if code == 0 else 'FAILED':6}  {name:12} {seconds:7.1f} s")
+    raise typer.Exit(next((code for _, code, _ in results if code != 0), 0))
+
+
+def _root() -> Path:
+    root = os.environ.get("SIXSTRUT_ROOT")
+    if root is None or not (Path(root) / "tests").is_dir():
+        raise typer.BadParameter("the tests are in the repository: run ./sixstrut test there")
+    return Path(root)
+
+
+def _run(name: str, arguments: list[str], root: Path, environ: dict[str, str], locks: tuple[int, ...]) -> tuple[int, float]:
+    print(f"\n── {name}", flush=True)
+    began = time.monotonic()
+    process = subprocess.Popen(bound([sys.executable, *arguments]), cwd=root, env=environ, stdin=subprocess.DEVNULL, pass_fds=locks)
+    try:
+        code = process.wait()
+    except BaseException:
+        _end(process)
+        raise
+    return code, time.monotonic() - began
+
+
+def _end(process: subprocess.Popen[bytes]) -> None:
+    """Lets pytest end the processes of its tests, which it does on SIGINT. At a terminal it got that with us."""
+    for number, patience_s in ((0, 2.0), (signal.SIGINT, 10.0), (signal.SIGKILL, None)):
+        process.send_signal(number)
+        try:
+            process.wait(patience_s)
+            return
+        except subprocess.TimeoutExpired:
+            continue
+
+
+def _on_sigterm(number: int, frame: FrameType | None) -> None:
+    sys.exit(128 + number)

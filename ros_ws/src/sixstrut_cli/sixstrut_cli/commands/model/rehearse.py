@@ -1,0 +1,82 @@
+"""`sixstrut rehearse`: try a roll on an ensemble before the robot does it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from time import perf_counter
+from typing import Annotated
+
+import typer
+
+from sixstrut_cli.options import JsonOption, LibraryOption, PrototypeOption
+
+
+def command(
+    source: Annotated[str, typer.Option("--from", help="Face the robot rests on: TC1..TC8, TO1..TO12.")] = "TC6",
+    target: Annotated[
+        str | None, typer.Option("--to", help="Adjacent face; default: the best gait to each neighbour.", show_default=False)
+    ] = None,
+    primitive: Annotated[
+        str | None, typer.Option(help="A primitive of the library; default: the most reliable.", show_default=False)
+    ] = None,
+    members: Annotated[int, typer.Option(min=1, help="Perturbed robots in the ensemble.")] = 24,
+    scale: Annotated[float, typer.Option(help="Their perturbation, 0.1 for ±10 %.")] = 0.1,
+    incline: Annotated[float, typer.Option(help="Incline of the ground in degrees, downhill all round.")] = 0.0,
+    ensemble: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Robots fitted to trials, from `sixstrut fit --ensemble`, instead.", show_default=False),
+    ] = None,
+    library: LibraryOption = "robust",
+    prototype: PrototypeOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Roll an ensemble of perturbed robots and tell the odds and where it may end.
+
+    sixstrut rehearse --from TC6
+    sixstrut rehearse --from TO5 --to TC6 --primitive P21 --scale 0.2 --incline 3
+    sixstrut rehearse --from TC6 --ensemble ours.yaml
+    """
+    from sim_core.dynamics.model import build_model
+    from sim_core.gaits.library import gait_of, load_library
+    from sim_core.gaits.success_probability import load_odds
+    from sim_core.planning.face_graph import FaceGraph
+    from sim_core.rolling.warm_up import Stage
+    from sim_core.structure.parameters import load_prototype
+    from sim_core.structure.topology import NEIGHBOURS, require_adjacent, require_face
+    from sim_core.studies.rehearsal import Ensemble
+    from sim_core.uncertainty.distribution import Law
+    from sim_core.uncertainty.ensemble import load_posterior
+    from tensegrity_lab.terminal.compile_notice import compile_first
+
+    require_face(source)
+    if target is not None:
+        require_adjacent(source, target)
+    shelf = load_library(library)
+    graph = FaceGraph(shelf, load_odds(shelf))
+    targets = [target] if target else list(NEIGHBOURS[source])
+    gaits = [gait_of(shelf.primitive(primitive), source, t) if primitive else graph.best(source, t).gait for t in targets]
+    compile_first(Stage.BATCH)
+    law = Law(scale, incline_deg=incline) if ensemble is None else load_posterior(ensemble)
+    robots = Ensemble(build_model(load_prototype(prototype)), law, members)
+    robots.prepare(source)
+    began = perf_counter()
+    rehearsed = robots.rehearse(gaits)
+    seconds = perf_counter() - began
+    if as_json:
+        rows = [
+            {"gait": r.gait.name, "successes": r.rate.successes, "members": r.rate.trials, "low": r.rate.low, "high": r.rate.high,
+             "outcomes": r.outcomes, "reasons": r.reasons}
+            for r in rehearsed
+        ]  # fmt: skip
+        typer.echo(json.dumps({"seconds": seconds, "rehearsed": rows}))
+        return
+    for r in rehearsed:
+        ends = ", ".join(f"{face} {count}" for face, count in r.outcomes.items())
+        mirror = "" if r.gait.proper else " (mirror)"
+        odds = f"{r.rate.successes} of {r.rate.trials} ({100 * r.rate.low:.0f} to {100 * r.rate.high:.0f} %)"
+        typer.echo(f"{r.gait.name}{mirror}: {odds}; ends on {ends}")
+        for reason, count in list(r.reasons.items())[:3]:
+            typer.echo(f"    {count}: {reason}")
+    typer.echo(f"{len(gaits)} gaits on {members} robots ({robots.law.words}) in {seconds:.2f} s.")
+    typer.echo("Virtual: these robots share the twin's equations.")

@@ -1,0 +1,76 @@
+"""`sixstrut route`: the likeliest sequence of rolls from one face to another."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sixstrut_cli.options import JsonOption, LibraryOption, place_of
+
+
+def command(
+    source: Annotated[str, typer.Argument(metavar="FROM", help="Face the robot stands on.")],
+    target: Annotated[str, typer.Argument(metavar="TO", help="Face to reach, or a place on the floor in m: 1.0,0.3")],
+    library: LibraryOption = "robust",
+    odds: Annotated[
+        Path | None, typer.Option(help="Odds of the gaits, from `sixstrut robustness --odds`.", show_default="the shipped ones")
+    ] = None,
+    reach: Annotated[float, typer.Option(min=0.01, help="How near to a place is near enough, in m.")] = 0.08,
+    as_json: JsonOption = False,
+) -> None:
+    """Print the sequence of rolls that is the most likely to work, with the most reliable gait of each.
+
+    To a place, the way begins at the origin of the floor, in the attitude in which `sixstrut roll` begins.
+
+    sixstrut route TC6 TC1
+    sixstrut route TC6 1.0,0.3
+    sixstrut route TO5 TO12 --library mine.yaml --odds mine.odds.yaml --json
+    """
+    from sim_core.gaits.library import load_library
+    from sim_core.gaits.success_probability import load_odds
+    from sim_core.planning.face_graph import FaceGraph
+
+    shelf = load_library(library)
+    known = load_odds(shelf, odds)
+    graph = FaceGraph(shelf, known)
+    if "," in target:
+        from sim_core.dynamics.model import build_model
+        from sim_core.planning.floor_planner import Floor, Stance
+        from sim_core.rolling.warm_up import Stage
+        from sim_core.structure.parameters import load_prototype
+        from sim_core.structure.topology import require_face
+        from tensegrity_lab.terminal.compile_notice import compile_first
+
+        goal_m, start = place_of(target), Stance(require_face(source), 0.0, 0.0, 0.0)
+        compile_first(Stage.ROBOT)
+        way = Floor(build_model(load_prototype())).way(start, goal_m, graph, reach)
+        faces, odds_of_all, choices = tuple(stance.face for stance in way.stances), way.odds, way.choices
+        places = [(stance.x_m, stance.y_m) for stance in way.stances[1:]]
+        end = f"; ends {100 * way.left_m:.0f} cm from the place" + ("" if way.reaches else ": no nearer way was found")
+    else:
+        route = graph.route(source, target)
+        faces, odds_of_all, choices, places, end = route.faces, route.odds, route.choices, [], ""
+    if as_json:
+        rolls = [
+            {
+                "from": c.gait.source,
+                "to": c.gait.target,
+                "primitive": c.gait.primitive.name,
+                "policy_mm": c.gait.policy,
+                "odds": c.odds,
+            }
+            for c in choices
+        ]
+        document = {"faces": faces, "odds": odds_of_all, "rolls": rolls} | ({"places_m": places} if places else {})
+        typer.echo(json.dumps(document))
+        return
+    for number, choice in enumerate(choices):
+        gait = choice.gait
+        where = f", to {places[number][0]:+.2f} {places[number][1]:+.2f} m" if places else ""
+        mirror = "" if gait.proper else " (mirror)"
+        typer.echo(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm, odds {100 * choice.odds:.1f} %{where}")
+    basis = known.how if known else "success in training, one rate for a primitive's 24 gaits"
+    typer.echo(f"{' → '.join(faces)}: {len(choices)} rolls, odds {100 * odds_of_all:.1f} % ({basis}){end}")

@@ -1,0 +1,132 @@
+"""`sixstrut validate`: the solver against mechanics."""
+
+from __future__ import annotations
+
+import json
+import os
+from fnmatch import fnmatch
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sixstrut_cli.options import JsonOption, PrototypeOption
+
+if TYPE_CHECKING:
+    from sim_core.validation import Case
+
+EXIT_CASE_FAILED = 4
+
+
+def command(
+    only: Annotated[
+        str | None,
+        typer.Option(metavar="PATTERN", help="Only cases whose name holds this, or matches it (with * and ?).", show_default=False),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "--output",
+            "-o",
+            help="Page to write, with pictures in images/ beside it. With --only or --prototype: none, unless given.",
+            show_default="docs/validation.md",
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+    prototype: PrototypeOption = None,
+) -> None:
+    """Compare the solver with closed forms and independent computations (a minute or two), and write the page of the results.
+
+    Exit code 0: every case holds; 4: one does not.
+
+    sixstrut validate
+    sixstrut validate --only restitution
+    sixstrut validate --only 'elastica*' -o elastica.md
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    from sim_core.dynamics.model import build_model
+    from sim_core.structure.parameters import load_prototype
+    from sim_core.validation import CASES, Setting
+    from tensegrity_lab.reports.validation_page import write_page
+
+    chosen = [name for name in CASES if only is None or only in name or fnmatch(name, only)]
+    if not chosen:
+        raise typer.BadParameter(f"no case matches {only!r}: valid are {', '.join(CASES)}", param_hint="--only")
+    if output is None and only is None and prototype is None:
+        output = _default_page()
+    setting = Setting(load_prototype(prototype))
+    model = build_model(setting.prototype)
+    results: dict[str, Case] = {}
+    seconds: dict[str, float] = {}
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn())
+    with Progress(*columns, console=console, transient=True, disable=as_json) as bar:
+        task = bar.add_task("", total=len(chosen))
+        for name in chosen:
+            bar.update(task, description=name)
+            began = perf_counter()
+            results[name] = CASES[name](setting)
+            seconds[name] = perf_counter() - began
+            bar.advance(task)
+    files = write_page(output, results, model.hash, model.steps_per_second) if output is not None else []
+    failed = [name for name, case in results.items() if not case.passed]
+    if as_json:
+        typer.echo(json.dumps(_document(results, seconds, model.hash), indent=1))
+    else:
+        _print_table(results)
+        typer.echo(f"{len(results) - len(failed)} of {len(results)} cases hold, model {model.hash}, {sum(seconds.values()):.0f} s")
+        if output is not None:
+            typer.echo(f"wrote {output} and {len(files) - 1} pictures")
+    if failed:
+        typer.echo(f"not within tolerance: {', '.join(failed)}", err=True)
+        raise typer.Exit(EXIT_CASE_FAILED)
+
+
+def _default_page() -> Path:
+    """docs/validation.md of the repository, or of the working directory."""
+    return Path(os.environ.get("SIXSTRUT_ROOT", ".")) / "docs" / "validation.md"
+
+
+def _document(results: dict[str, Case], seconds: dict[str, float], model_hash: str) -> dict[str, object]:
+    return {
+        "schema": 1,
+        "model_hash": model_hash,
+        "passed": all(case.passed for case in results.values()),
+        "cases": [
+            {
+                "case": name,
+                "name": case.name,
+                "checked": case.checked,
+                "measured": case.measured,
+                "reference": case.reference,
+                "unit": case.unit,
+                "error": case.error,
+                "tolerance": case.tolerance,
+                "relative": case.relative,
+                "passed": case.passed,
+                "source": case.source,
+                "note": case.note,
+                "seconds": round(seconds[name], 2),
+            }
+            for name, case in results.items()
+        ],
+    }
+
+
+def _print_table(results: dict[str, Case]) -> None:
+    from rich.box import SIMPLE
+    from rich.console import Console
+    from rich.table import Table
+
+    from tensegrity_lab.reports.validation_page import allowed, number
+
+    table = Table(title="The solver against mechanics", box=SIMPLE, padding=(0, 1, 0, 0))
+    for column in ("case", "measured", "reference", "unit", "tolerance", "verdict"):
+        table.add_column(column, justify="right" if column in ("measured", "reference", "tolerance") else "left", overflow="fold")
+    for name, case in results.items():
+        verdict = "holds" if case.passed else "[red]FAILS[/red]"
+        table.add_row(name, number(case.measured, 5), number(case.reference, 5), case.unit, allowed(case, unit=False), verdict)
+    Console().print(table)

@@ -1,0 +1,1 @@
+"""Commands for a robot, real or virtual."""

@@ -1,0 +1,128 @@
+"""`sixstrut travel`: the virtual prototype rolls to a place on the floor."""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sixstrut_cli.options import MOST_INCLINE_DEG, MOST_PERTURBATION, DomainOption, JsonOption, LibraryOption, place_of
+
+if TYPE_CHECKING:
+    from tensegrity_lab.stack.virtual_stack import VirtualRobot
+    from tensegrity_lab.studies.travel import Trip
+    from tensegrity_lab.studies.travel_study import Case
+
+
+def command(
+    place: Annotated[str | None, typer.Argument(metavar="X,Y", help="Place on the floor in m; the robot starts at 0,0.")] = None,
+    study: Annotated[
+        int, typer.Option(metavar="N", min=0, help="Instead: N goals at 1 m, on two floors, with odds and without.")
+    ] = 0,
+    reach: Annotated[float, typer.Option(min=0.02, help="How near is near enough, in m.")] = 0.08,
+    most_rolls: Annotated[int, typer.Option(min=1, help="Give up after so many rolls.")] = 60,
+    ignore_odds: Annotated[bool, typer.Option("--ignore-odds", help="Take all gaits for equally likely.")] = False,
+    seed: Annotated[int, typer.Option(min=0, help="Draws the virtual prototype's true parameters, and downhill.")] = 1,
+    from_face: Annotated[str, typer.Option("--from-face", help="Face to start on: TC1..TC8, TO1..TO12.")] = "TC6",
+    perturbation: Annotated[
+        float, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the prototype is off, 0.05 for ±5 %.")
+    ] = 0.05,
+    incline: Annotated[float, typer.Option(min=0.0, max=MOST_INCLINE_DEG, help="Of the ground, in degrees.")] = 0.0,
+    time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Robot seconds per second.")] = 8.0,
+    board: Annotated[str, typer.Option(help="Servo board to emulate: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
+    actuators: Annotated[str, typer.Option(help="The prototype's actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
+    library: LibraryOption = "robust",
+    domain: DomainOption = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Folder for bags, pictures, and a study's trips.", show_default="bags")
+    ] = None,
+    page: Annotated[Path | None, typer.Option(help="Of a study: page to write; its picture goes to images/ beside it.")] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Roll the virtual prototype to a place on the floor, through the whole stack: replanned after every roll from where it rests.
+
+    Exit code 0: it arrived; 4: it gave up, and says why. In a running stack: the action `travel`, or RViz's 2D Goal Pose.
+    A study that was stopped goes on with the same command and --output.
+
+    sixstrut travel 0.6,0.3
+    sixstrut travel 1.0,-0.5 --incline 3 --seed 7
+    sixstrut travel --study 10 -o bags/travels --page docs/travel.md
+    """
+    from tensegrity_lab.stack.virtual_stack import VirtualRobot
+
+    if study and domain is not None:
+        raise typer.BadParameter("a study takes a domain of its own for each trip", param_hint="--domain")
+    if (place is None) == (study == 0):
+        raise typer.BadParameter("give a place such as 0.6,0.3, or --study N", param_hint="X,Y")
+    bags = output or Path("bags")
+    robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
+    robot.require()
+    if place is None:
+        _study(study, robot, bags, page)
+        return
+    goal_m = place_of(place)
+    from rich.console import Console
+
+    from tensegrity_lab.studies.travel import travel
+    from tensegrity_lab.studies.travel_plot import travel_picture
+
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    console.print(robot.words)
+    robot.compile()
+    with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links, console.status("starting") as status:
+        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds, domain, console.print)
+    picture = Path(trip.bag).with_suffix(".png")
+    travel_picture(trip, picture)
+    if as_json:
+        typer.echo(json.dumps(asdict(trip) | {"ratio": trip.ratio, "picture": str(picture)}))
+    else:
+        typer.echo(f"{' → '.join(trip.faces)}")
+        typer.echo(f"{'arrived' if trip.success else 'did not arrive'}: {trip.reason}")
+        ratio = f"path {trip.path_m:.2f} m for {trip.straight_m - trip.left_m:.2f} m won"
+        typer.echo(f"{trip.rolls} rolls, {trip.missed} missed, {trip.robot_s:.0f} s of robot time; {ratio}")
+        for path in (trip.bag, picture):
+            typer.echo(f"wrote {os.path.relpath(path)}")
+    if not trip.success:
+        raise typer.Exit(4)
+
+
+def _study(goals: int, robot: VirtualRobot, folder: Path, page: Path | None) -> None:
+    from rich.console import Console
+
+    from tensegrity_lab.studies.travel_study import cases_of, read_trips, study
+
+    robot.compile()
+    cases = cases_of(goals, robot.seed)
+    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    try:
+        with console.status("starting") as status:
+            study(cases, robot, folder, status.update, console.print)
+    finally:  # a page of what there is, also if it is ended early
+        known = read_trips(folder)
+        found = {case: known[case.key] for case in cases if case.key in known}
+        if found:
+            _write(cases, found, robot, folder, page)
+
+
+def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, folder: Path, page: Path | None) -> None:
+    from tensegrity_lab.studies.travel_plot import study_picture
+    from tensegrity_lab.studies.travel_study import groups_of, page_of, words_of
+
+    target = page or folder / "travel.md"
+    images = target.parent / "images"
+    images.mkdir(parents=True, exist_ok=True)
+    groups = groups_of(found)
+    panels = [(", ".join(words_of(group)), [trip for case, trip in found.items() if case.group == group]) for group in groups]
+    study_picture(panels, images / "travel.png")
+    goals = max(case.number for case in cases)
+    chosen = f"--study {goals} --seed {robot.seed} --time-scale {robot.time_scale:g}"
+    command = f"./sixstrut travel {chosen} -o {folder} --page {target}"
+    text = page_of(found, len(cases) - len(found), robot, command, "images/travel.png")
+    target.write_text(text, encoding="utf-8")
+    typer.echo(text)
+    typer.echo(f"wrote {target} and {images / 'travel.png'}")

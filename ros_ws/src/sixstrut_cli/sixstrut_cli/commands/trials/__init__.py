@@ -1,0 +1,1 @@
+"""Commands for sessions of trials and their bags."""

@@ -1,0 +1,65 @@
+"""`sixstrut campaign`: whole libraries on virtual prototypes, and a sample of it through the whole stack."""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sixstrut_cli.options import MOST_PERTURBATION
+
+
+def command(
+    output: Annotated[
+        Path | None, typer.Argument(metavar="FOLDER", help="A new folder. Default: one in bags/.", show_default=False)
+    ] = None,
+    libraries: Annotated[
+        str, typer.Option(help="Names or YAML files; the first is set against each other one.")
+    ] = "robust,improved,previous",
+    primitives: Annotated[str, typer.Option(help='Which of each: "1-40", "1,3,7-9", all.')] = "all",
+    gaits: Annotated[str, typer.Option(help="all (24), proper, improper, reference, or pairs.")] = "all",
+    prototypes: Annotated[int, typer.Option(min=1, help="Virtual prototypes.")] = 4,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first prototype; draws orders and the sample, too.")] = 1,
+    perturbation: Annotated[float, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the prototypes are off.")] = 0.1,
+    sample: Annotated[int, typer.Option(min=0, help="Trials to run through the whole stack as well.")] = 12,
+    time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Robot seconds per second, of the stack.")] = 8.0,
+    page: Annotated[
+        Path | None,
+        typer.Option(help="Page to write. [default: docs/campaign.md if all primitives and gaits are tried, else none]"),
+    ] = None,
+) -> None:
+    """Run libraries × 24 gaits on virtual prototypes, fast; a sample of the trials through the whole stack; write report and page.
+
+    Sessions are folders like those of `sixstrut trial`, marked as computed by the batch solver; `sixstrut report` and
+    `sixstrut fit` read them.
+
+    sixstrut campaign
+    sixstrut campaign /tmp/small --primitives 1,21 --gaits reference --prototypes 1 --sample 2
+    """
+    from sim_core.rolling.warm_up import Stage
+    from tensegrity_lab.studies.campaign import Asked, run
+    from tensegrity_lab.terminal.compile_notice import compile_first
+    from tensegrity_lab.terminal.progress import bars
+
+    root = Path(os.environ.get("SIXSTRUT_ROOT", "."))
+    whole = primitives == gaits == "all"
+    folder = output or root / "bags" / f"campaign_{time.strftime('%Y%m%d_%H%M%S', time.gmtime())}"
+    names = tuple(filter(None, (name.strip() for name in libraries.split(","))))
+    words = ["./sixstrut", "campaign", "--libraries", libraries, "--primitives", primitives, "--gaits", gaits]
+    words += ["--prototypes", str(prototypes), "--seed", str(seed), "--perturbation", f"{perturbation:g}", "--sample", str(sample)]
+    target = page or (root / "docs" / "campaign.md" if whole else None)
+    asked = Asked(
+        folder, names, primitives, gaits, prototypes, seed, perturbation, sample, time_scale, target, tuple(words)
+    )  # fmt: skip
+    compile_first(Stage.BATCH, *([Stage.ROBOT] if sample else []))
+    with bars("rolls") as bar:
+        done = run(asked, bar, lambda text: typer.echo(text, err=True))
+    for summary in done.summaries:
+        typer.echo(summary)
+    if done.pairs:
+        typer.echo(f"through the whole stack: {sum(pair.agrees for pair in done.pairs)} of {len(done.pairs)} trials agree")
+    for path in (*done.reports, folder / "campaign.md", *([target] if target else [])):
+        typer.echo(f"wrote {path}")

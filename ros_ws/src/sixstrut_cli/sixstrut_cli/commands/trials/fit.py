@@ -1,0 +1,83 @@
+"""`sixstrut fit`: what trials say of this robot."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sixstrut_cli.options import JsonOption, PrototypeOption
+
+
+def command(
+    trials: Annotated[
+        list[Path] | None, typer.Argument(metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags.", show_default=False)
+    ] = None,
+    ensemble: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Write the fitted ensemble here, for rehearse and search.", show_default=False),
+    ] = None,
+    odds: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Write every gait's odds here, for planner and route.", show_default=False)
+    ] = None,
+    counts_only: Annotated[
+        bool, typer.Option("--counts-only", help="No ensemble: the shipped odds and each gait's own trials. Takes no time.")
+    ] = False,
+    weight: Annotated[float, typer.Option(min=0.01, help="Trials of a gait that its prior odds are worth.")] = 4.0,
+    members: Annotated[int, typer.Option(min=2, help="Members drawn in each round.")] = 128,
+    rounds: Annotated[int, typer.Option(min=0, help="Rounds after the first, at most.")] = 2,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed and trials, same ensemble.")] = 1,
+    lapse: Annotated[float, typer.Option(help="Probability of a trial that comes out otherwise than it should.")] = 0.03,
+    prior: Annotated[
+        str, typer.Option(help="Half ranges, e.g. friction=0.6,slope_deg=5.", show_default="see docs/learning.md")
+    ] = "",
+    library: Annotated[str | None, typer.Option(help="Of bags whose library is not shipped.", show_default=False)] = None,
+    demonstrate: Annotated[
+        bool, typer.Option("--demonstrate", help="Instead: fit hidden virtual robots, and test what was learnt.")
+    ] = False,
+    robots: Annotated[int, typer.Option(min=1, help="Of a demonstration.")] = 3,
+    primitives: Annotated[int, typer.Option(min=1, help="Of each class, of a demonstration.")] = 4,
+    searched: Annotated[int, typer.Option(min=0, help="Of a demonstration: robots for which a library is searched.")] = 1,
+    page: Annotated[Path | None, typer.Option(help="Of a demonstration; default: docs/learning.md.", show_default=False)] = None,
+    prototype: PrototypeOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Estimate friction, stiffness, rest lengths, strokes and slope from trials' outcomes; write an ensemble and gaits' odds.
+
+    Robots are drawn from a prior, roll every tried gait, and are weighted by the outcomes that they foretell.
+
+    sixstrut fit bags/monday --ensemble ours.yaml --odds ours.odds.yaml
+    sixstrut fit bags/monday bags/tuesday --counts-only --odds ours.odds.yaml
+    sixstrut fit --demonstrate
+    """
+    from sim_core.dynamics.model import build_model
+    from sim_core.structure.parameters import load_prototype
+    from tensegrity_lab.studies import fit as running
+    from tensegrity_lab.studies.fit_trials import read_tries
+
+    model = build_model(load_prototype(prototype))
+    asked = running.Asked(members, rounds, seed, lapse, running.prior_of(prior), weight)
+    if demonstrate:
+        target = page or Path(os.environ.get("SIXSTRUT_ROOT", ".")) / "docs" / "learning.md"
+        typer.echo(running.demonstrated(model, asked, robots, primitives, searched, library or "improved", target))
+        typer.echo(f"wrote {target}")
+        return
+    if not trials:
+        raise typer.BadParameter("give at least one session's folder or bag, or --demonstrate", param_hint="SESSION_OR_BAG")
+    if counts_only and (ensemble is not None or odds is None):
+        raise typer.BadParameter("it makes odds and no ensemble: give --odds FILE, and not --ensemble", param_hint="--counts-only")
+    tries = read_tries(trials, model, library)
+    found = None if counts_only else running.fitted(model, tries, asked)
+    if ensemble is not None and found is not None:
+        running.write_ensemble(ensemble, model, tries, found)
+    if odds is not None:
+        running.write_odds(odds, model, tries, found, asked)
+    document = running.document_of(tries, found)
+    typer.echo(json.dumps(document) if as_json else running.text_of(tries, found))
+    if not as_json:
+        for path in (ensemble, odds):
+            if path is not None:
+                typer.echo(f"wrote {path}")

@@ -1,0 +1,61 @@
+"""`sixstrut odds`: were the rehearsals right?"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from sixstrut_cli.options import JsonOption
+
+
+def command(
+    bags: Annotated[list[Path], typer.Argument(metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags.")],
+    picture: Annotated[Path, typer.Option(help="PNG: predicted odds against the share that succeeded.")] = Path("odds.png"),
+    as_json: JsonOption = False,
+) -> None:
+    """Set what the planner's rehearsals foretold against what then happened, roll by roll: calibration plot and Brier score.
+
+    A roll counts if it was rehearsed and somebody, or the virtual prototype's observer, saw where it ended.
+
+    sixstrut odds bags/example.mcap
+    sixstrut odds bags/monday bags/tuesday --picture odds.png
+    """
+    from sim_core.studies.binomial_intervals import rate_of
+    from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in
+    from tensegrity_lab.reports.hypothesis_tests import calibration
+    from tensegrity_lab.reports.trial_plots import odds_picture
+
+    files = bags_of(bags)
+    rolls = [one for path in files for one in foretold_in(path)]
+    told = calibration([one.odds for one in rolls], [one.won for one in rolls])
+    if told is None:
+        typer.echo(
+            f"no roll in {len(files)} bag(s) was rehearsed and then seen to end: the planner's parameter rehearse_members is 0, "
+            "or nobody looked (set_face)",
+            err=True,
+        )
+        raise typer.Exit(1)
+    odds_picture([(f"{len(rolls)} rolls", told)], picture)
+    if as_json:
+        document = {"rolls": [one._asdict() for one in rolls], "brier": told.brier, "expected": told.expected}
+        typer.echo(json.dumps(document | {"observed": told.observed, "bins": told.bins, "picture": str(picture)}))
+        return
+    typer.echo(f"{'foretold':>15}  {'rolls':>5}  {'mean':>6}  {'succeeded':>9}  95 % interval")
+    for low, high, count, expected, share in told.bins:
+        rate = rate_of(round(share * count), count)
+        typer.echo(
+            f"{100 * low:6.0f} … {100 * high:3.0f} %  {count:5}  {100 * expected:4.0f} %  {100 * share:7.0f} %  "
+            f"[{100 * rate.low:.0f}, {100 * rate.high:.0f}] %"
+        )
+    typer.echo(
+        f"{len(rolls)} rolls of {len(files)} bag(s): {100 * told.expected:.1f} % foretold, {100 * told.observed:.1f} % succeeded; "
+        f"Brier score {told.brier:.3f} (0: perfect; 0.25: a coin)"
+    )
+    for one in rolls:
+        if not one.won:
+            where = f"most rehearsals ended on {one.likely}, {100 * one.odds:.0f} % rolled"
+            typer.echo(f"{one.bag}: {one.primitive} {one.source}→{one.target} ended on {one.ended or 'no face'}; {where}")
+    typer.echo(f"wrote {picture}")

@@ -1,0 +1,202 @@
+"""`sixstrut replay`: step the twin through a recorded session."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from sixstrut_cli.options import JsonOption
+
+
+def command(
+    bag: Annotated[Path, typer.Argument(help="An .mcap file that the bridge recorded.")],
+    actuators: Annotated[
+        str, typer.Option(help="The twin's actuators, as the twin had them: ideal, stand-in, or a YAML file.")
+    ] = "ideal",
+    compare: Annotated[bool, typer.Option("--compare", help="Also a bag of another model: compare its faces only.")] = False,
+    trial: Annotated[
+        list[int] | None,
+        typer.Option(min=1, help="Only this trial of a session; may be given often.", show_default=False),
+    ] = None,
+    trials: Annotated[bool, typer.Option("--trials", help="Trial by trial, all of them.")] = False,
+    ensemble: Annotated[int, typer.Option(min=0, max=10_000, help="Also the odds of each trial, on so many perturbed twins.")] = 0,
+    changes: Annotated[
+        list[str] | None, typer.Option("--set", help="What if: NAME=VALUE of the model, such as mu_s=0.45; may be given often.")
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            help="PNG of the session, or of one trial. [default: BAG_replay.png beside the bag; none with --json or for trials]",
+            show_default=False,
+        ),
+    ] = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Step the twin through the commands that were sent; compare faces with those observed, bits with the live twin's.
+
+    Trial by trial the twin starts at rest on the trial's source and is told no face: where it parts from the record, how it ends.
+    Exit code 0: same bits as live and on the recorded face at the end, or every trial's outcome as recorded; 4: not. A bag that was
+    recorded with another model is refused with both hashes, unless numbers are changed (--set) or --compare says so.
+
+    sixstrut replay bags/example.mcap
+    sixstrut replay bags/example.mcap --picture session.png --set mu_s=0.45 --set mu_k=0.4
+    sixstrut replay bags/monday/bags/session_20260102_030405.mcap --trial 17 --ensemble 24 --picture trial.png
+    """
+    from sim_core.rolling.warm_up import Stage
+    from tensegrity_lab.bags.trial_replay import parsed_changes
+    from tensegrity_lab.terminal.compile_notice import compile_first
+
+    asked = parsed_changes(changes or [])
+    if ensemble and not (trial or trials):
+        raise typer.BadParameter("--ensemble tells the odds of trials: give --trial N or --trials too")
+    compile_first(Stage.ROBOT, *([Stage.BATCH] if ensemble else []))
+    if trial or trials:
+        same = _by_trial(bag, trial or [], ensemble, asked, compare, picture, as_json)
+    else:
+        same = _whole(bag, asked, actuators, compare, picture, as_json)
+    if not same:
+        raise typer.Exit(4)
+
+
+def _by_trial(
+    bag: Path, numbers: Sequence[int], members: int, changes: dict[str, float], compare: bool, picture: Path | None, as_json: bool
+) -> bool:
+    from hardware_bridge.recording.bag_reader import read_bag
+    from hardware_bridge.recording.bag_types import TOPICS
+    from sim_core.studies.rehearsal import Ensemble
+    from tensegrity_lab.bags.replay import require_same_model
+    from tensegrity_lab.bags.trial_replay import (
+        changed_model,
+        chosen_trials,
+        course_text,
+        gait_in,
+        library_of,
+        replay_trial,
+        trials_of,
+    )
+    from tensegrity_lab.reports.trial_plots import course_picture
+
+    lines = chosen_trials(trials_of(bag), numbers)
+    if picture is not None and len(lines) != 1:
+        raise typer.BadParameter(f"--picture shows one trial, and {len(lines)} are asked for: give --trial N")
+    recorded = read_bag(bag, topics=TOPICS)
+    session = recorded.session(until_ns=0)  # its attachments
+    model = changed_model(session, changes)
+    if not (changes or compare):
+        require_same_model(session, model)
+    courses = []
+    for line in lines:
+        if numbers or line.robot_s == line.robot_s:  # a trial that never ended is replayed only if asked for
+            courses.append(replay_trial(recorded, line, model))
+            if not as_json:
+                typer.echo(course_text(courses[-1]))
+    odds = {}
+    if members:
+        shelf = library_of(session)
+        gaits = {gait.name: gait for gait in (gait_in(shelf, course.line) for course in courses)}
+        law = Ensemble(model, members=members)
+        for told in law.rehearse(list(gaits.values())):
+            odds[told.gait.name] = told
+            if not as_json:
+                ends = ", ".join(f"{face} {count}" for face, count in told.outcomes.items())
+                interval = f"{100 * told.rate.low:.0f} to {100 * told.rate.high:.0f} %"
+                rate = f"{told.rate.successes} of {members} ({interval})"
+                typer.echo(f"odds of {told.gait.name}: {rate} on {law.law.words}; ends on {ends}")
+    if picture is not None:
+        course_picture(courses[0], picture)
+    agree = [course.agrees for course in courses if course.agrees is not None]
+    if as_json:
+        rows = [_document(course, odds) for course in courses]
+        typer.echo(json.dumps({"bag": str(bag), "model_hash": model.hash, "changes": changes, "trials": rows}))
+    else:
+        what_if = f" with {', '.join(f'{name} = {value:g}' for name, value in changes.items())}" if changes else ""
+        typer.echo(f"{sum(agree)} of {len(agree)} trials end as recorded{what_if}; model {model.hash}")
+    return all(agree)
+
+
+def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
+    line = course.line
+    told = odds.get(f"{line.primitive} {line.source}→{line.target}")
+    return {
+        "number": line.number,
+        "primitive": line.primitive,
+        "source": line.source,
+        "target": line.target,
+        "outcome": str(line.outcome),
+        "recorded_faces": list(line.faces),
+        "twin_faces": list(course.faces),
+        "twin_actuated": course.actuated,
+        "twin_returned": course.returned,
+        "twin_succeeds": course.succeeds,
+        "agrees": course.agrees,
+        "parted_s": course.parted_s,
+        "largest_m": float(course.apart_m.max()) if len(course.apart_m) else None,
+        "end_m": float(course.apart_m[-1]) if len(course.apart_m) else None,
+        "odds": told and {"successes": told.rate.successes, "members": told.rate.trials, "outcomes": told.outcomes},
+    }
+
+
+def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, picture: Path | None, as_json: bool) -> bool:
+    from rich.progress import Progress
+
+    from hardware_bridge.recording.bag_reader import read_session
+    from hardware_bridge.recording.bag_types import TOPICS
+    from sim_core.dynamics.actuators import require_actuators
+    from tensegrity_lab.bags.replay import model_of, replay, require_same_model
+    from tensegrity_lab.bags.trial_replay import changed_model
+
+    drives = require_actuators(actuators)
+    session = read_session(bag, topics=TOPICS)
+    if not (changes or compare):
+        require_same_model(session, model_of(session))
+    model = changed_model(session, changes, drives)
+    with Progress(transient=True, disable=as_json) as bar:
+        task = bar.add_task("replaying", total=None)
+        result = replay(session, model, drives, report=lambda done, total: bar.update(task, completed=done, total=total))
+    same_bits = result.same_states == result.live_states
+    same_face = result.recorded is None or result.final == result.recorded
+    if picture is None and not as_json:
+        folder = bag.parent if os.access(bag.parent, os.W_OK) else Path()
+        picture = folder / f"{bag.stem}_replay.png"
+    if picture is not None:
+        from tensegrity_lab.reports.figure import session_picture
+
+        session_picture(session, result, picture)
+    if as_json:
+        typer.echo(
+            json.dumps(
+                {
+                    "bag": str(bag),
+                    "digest": result.digest,
+                    "step": result.step,
+                    "model_hash": result.model_hash,
+                    "live_states": result.live_states,
+                    "same_states": result.same_states,
+                    "faces": [{**vars(check), "agrees": check.agrees} for check in result.faces],
+                    "final_face": result.final,
+                    "recorded_face": result.recorded,
+                    "resets": result.resets,
+                }
+            )
+        )
+        return same_bits and same_face
+    for check in result.faces:
+        mark = "as" if check.agrees else "but"
+        seen = f"{mark} {check.source} saw {check.observed or 'no face'}"
+        typer.echo(f"  {check.time_s:6.1f} s  twin on {check.predicted or 'no face'}, {seen}")
+    if result.live_states:
+        verdict = "the same bits" if same_bits else f"different bits from event {result.first_difference} on"
+        typer.echo(f"  {result.same_states} of {result.live_states} recorded states of the live twin: {verdict}")
+    else:
+        typer.echo("  the bag holds no states of a live twin with this model to compare with")
+    end = f"ended on {result.final or 'no face'}"
+    typer.echo(f"  {end}, recorded: {result.recorded or 'nobody looked'}{'' if same_face else ' — they differ'}")
+    typer.echo(f"  final state {result.digest} at step {result.step}, model {result.model_hash}")
+    if picture is not None:
+        typer.echo(f"  wrote {picture}")
+    return same_bits and same_face

@@ -1,0 +1,53 @@
+"""`sixstrut report`: the figures of sessions of trials."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperCommand
+
+
+class _Greedy(TyperCommand):
+    """`--against A B` means both: not A alone, and B among the others."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        words: list[str] = []
+        behind = ""
+        for word in args:
+            if word.startswith("-"):
+                behind = word
+                words.append(word)
+            elif behind == "--against":
+                words += [word] if words[-1] == "--against" else ["--against", word]
+            else:
+                words.append(word)
+        return super().parse_args(ctx, words)
+
+
+COMMAND_CLASS = _Greedy
+
+
+def command(
+    sessions: Annotated[list[Path], typer.Argument(help="Folders of sessions; several are taken together.")],
+    against: Annotated[
+        list[Path] | None, typer.Option(help="Sessions to compare with: all that follow.", show_default=False)
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder to write to. [default: report in the first session's]")
+    ] = None,
+) -> None:
+    """Success rates with intervals, the paper's Figure 8, tests, symmetry, predictions: one page, with CSV and PNG beside it.
+
+    sixstrut report bags/monday
+    sixstrut report bags/monday bags/tuesday --against bags/previous -o report
+    """
+    from tensegrity_lab.reports.trial_report import Report, summary_of
+
+    words = ["./sixstrut", "report", *map(str, sessions), *(word for path in against or [] for word in ("--against", str(path)))]
+    report = Report(sessions, against or [], shlex.join(words))
+    page = report.write(output or sessions[0] / "report")
+    typer.echo(summary_of(report))
+    typer.echo(f"page: {page}; tables and pictures beside it")

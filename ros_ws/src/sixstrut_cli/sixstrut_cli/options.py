@@ -1,0 +1,67 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+MOST_PERTURBATION = 0.3
+"""`sim_core.uncertainty.seeded_perturbation.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
+
+MOST_INCLINE_DEG = 20.0
+"""`sim_core.uncertainty.distribution.MAX_INCLINE_DEG`, by value as well."""
+
+HIGHEST_DOMAIN = 101
+"""`tensegrity_lab.stack.ros_domain.HIGHEST`, by value as well."""
+
+PrototypeOption = Annotated[
+    Path | None, typer.Option("--prototype", help="A prototype YAML; default: the nominal robot.", show_default=False)
+]
+LibraryOption = Annotated[str, typer.Option("--library", help="A shipped library's name, or a YAML file.")]
+VirtualOption = Annotated[
+    bool, typer.Option("--virtual", help="Start a virtual prototype with bridge, planner, traveller and twin as well.")
+]
+SeedOption = Annotated[int, typer.Option("--seed", min=0, help="Of the virtual prototype.")]
+FromFaceOption = Annotated[str, typer.Option("--from-face", help="Face it starts on: TC1..TC8, TO1..TO12.")]
+PerturbationOption = Annotated[
+    float, typer.Option("--perturbation", min=0.0, max=MOST_PERTURBATION, help="How far it is off, 0.05 for ±5 %.")
+]
+InclineOption = Annotated[float, typer.Option("--incline", min=0.0, max=MOST_INCLINE_DEG, help="Of its ground, in degrees.")]
+TimeScaleOption = Annotated[float, typer.Option("--time-scale", min=0.01, max=100.0, help="Its robot seconds per second.")]
+BoardOption = Annotated[str, typer.Option("--board", help="Its servo board: lsc, ssc32, maestro, maestro:crc.")]
+ActuatorsOption = Annotated[str, typer.Option("--actuators", help="Its actuators: ideal, stand-in, or a YAML file.")]
+DomainOption = Annotated[
+    int | None,
+    typer.Option(
+        "--domain",
+        min=0,
+        max=HIGHEST_DOMAIN,
+        help="ROS domain of the virtual stack. [default: one that nobody uses]",
+        show_default=False,
+    ),
+]
+BagsOption = Annotated[Path, typer.Option("--bags", help="Folder for the bag, with --virtual.")]
+TokenFileOption = Annotated[
+    Path | None,
+    typer.Option(
+        "--token-file",
+        help="A file (mode 600) with the secret of the address. [default: SIXSTRUT_TOKEN, else new]",
+    ),
+]
+TokenOption = Annotated[str | None, typer.Option("--token", hidden=True)]
+"""No more: everybody sees it in the list of processes."""
+JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
+
+
+def place_of(text: str) -> tuple[float, float]:
+    """A place on the floor from "X,Y" in m. Raises typer.BadParameter."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+    except ValueError:
+        x = y = math.nan
+    if not (math.isfinite(x) and math.isfinite(y)):
+        raise typer.BadParameter(f"{text!r}: valid is a face such as TC1, or a place on the floor in m, such as 1.0,0.3")
+    return x, y

@@ -1,0 +1,1 @@
+"""The live stack for the Foxglove app."""

@@ -1,0 +1,313 @@
+"""Foxglove's WebSocket protocol, as much of it as a live stack needs: topics, services, and what apps publish.
+
+It takes the place of foxglove-sdk's server, which asks nobody for a secret, looks at no Origin, and can listen only at a port that
+every user and every page of this machine reaches.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import struct
+import threading
+from collections.abc import Awaitable, Callable
+from concurrent.futures import Future
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import tornado.ioloop
+
+from sim_core.files.printable import printable
+from tensegrity_console.access import LOOPBACK, MOST_UNSENT, Gate, GuardedSocket, RateLimit, address, listening, own_page
+
+ENCODING = "cdr"
+SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
+"""The same thing under its new and its old name."""
+APPS = ("https://app.foxglove.dev", "file://")
+"""Origins of Foxglove's own app, in a browser and installed: they need the secret like everybody."""
+_MESSAGE, _ANSWER = 1, 3
+_PUBLISH, _CALL = 1, 2
+WARNING = 1
+LONGEST = 64 * 1024
+"""Bytes that an app may send at once."""
+MOST_DATA = MOST_UNSENT // 2
+"""Bytes that wait for an app, beyond which messages of topics are left out; answers are not."""
+MOST_WATCHED, MOST_CALLS = 500, 8
+SAID_AT_ONCE, SAID_PER_S = 200, 50
+
+
+class Half(NamedTuple):
+    """Request or response of a service: type's name, and its definition."""
+
+    name: str
+    text: str
+
+    def document(self) -> dict[str, str]:
+        """As the protocol has it."""
+        return {"encoding": ENCODING, "schemaName": self.name, "schemaEncoding": "ros2msg", "schema": self.text}
+
+
+@dataclass(frozen=True)
+class Service:
+    """A service that apps may call.
+
+    Attributes:
+        call: Bytes of the request -> bytes of the response; raises RuntimeError with words for a person.
+        urgent: It is called whatever else an app has asked for.
+    """
+
+    name: str
+    type_name: str
+    request: Half
+    response: Half
+    call: Callable[[bytes], Awaitable[bytes]]
+    urgent: bool = False
+
+
+class Told(NamedTuple):
+    """What happens at apps; called in the server's thread.
+
+    Attributes:
+        looks: topic: an app begins to look at it. published: (topic, type, encoding, bytes) -> why it was not taken, or "".
+    """
+
+    looks: Callable[[str], None]
+    published: Callable[[str, str, str, bytes], str]
+
+
+class _App(GuardedSocket):
+    """One app."""
+
+    def initialize(self, hub: Hub) -> None:
+        self.hub = hub
+        self.watched: dict[int, int] = {}
+        self._own: dict[int, tuple[str, str, str]] = {}
+        self._calls: set[asyncio.Task[None]] = set()
+        self._pace = RateLimit(SAID_AT_ONCE, SAID_PER_S)
+
+    @property
+    def max_message_size(self) -> int:
+        return LONGEST
+
+    def select_subprotocol(self, subprotocols: list[str]) -> str | None:
+        return next((one for one in SUBPROTOCOLS if one in subprotocols), None)
+
+    def open(self, *_: str, **__: str) -> None:
+        if self.selected_subprotocol is None:
+            self.close(1002, f"it speaks {SUBPROTOCOLS[0]}")
+            return
+        self.set_nodelay(True)
+        self.hub.apps.add(self)
+        self.say(self.hub.info)
+        self.say(self.hub.services_document())
+        self.say({"op": "advertise", "channels": list(self.hub.channels.values())})
+
+    def on_close(self) -> None:
+        self.hub.apps.discard(self)
+        self.hub.looked_at()
+
+    def say(self, document: dict[str, Any]) -> None:
+        self.send(json.dumps(document))
+
+    def complain(self, words: str) -> None:
+        self.say({"op": "status", "level": WARNING, "message": printable(words)})
+
+    def on_message(self, message: str | bytes) -> None:
+        try:
+            if isinstance(message, bytes):
+                self._take(message)
+            elif self._pace.allows():
+                self._heed(json.loads(message))
+        except (ValueError, TypeError, LookupError, AttributeError, RecursionError, struct.error):
+            self.complain("this is not Foxglove's protocol; nothing was done")
+
+    def _heed(self, told: dict[str, Any]) -> None:
+        if told["op"] == "subscribe":
+            for one in told["subscriptions"][:MOST_WATCHED]:
+                self._watch(_number(one["id"]), _number(one["channelId"]))
+        elif told["op"] == "unsubscribe":
+            for number in told["subscriptionIds"][:MOST_WATCHED]:
+                self.watched.pop(_number(number), None)
+            self.hub.looked_at()
+        elif told["op"] == "advertise":
+            for one in told["channels"][:MOST_WATCHED]:
+                if len(self._own) < MOST_WATCHED:
+                    self._own[_number(one["id"])] = (str(one["topic"]), str(one["schemaName"]), str(one["encoding"]))
+        elif told["op"] == "unadvertise":
+            for number in told["channelIds"][:MOST_WATCHED]:
+                self._own.pop(_number(number), None)
+
+    def _watch(self, number: int, channel: int) -> None:
+        if channel not in self.hub.channels:
+            self.complain(f"Unknown channel ID: {channel}")
+        elif len(self.watched) < MOST_WATCHED:
+            self.watched[number] = channel
+            self.hub.looked_at()
+            self.hub.told.looks(self.hub.channels[channel]["topic"])
+
+    def _take(self, data: bytes) -> None:
+        if data[0] == _PUBLISH:
+            (number,) = struct.unpack_from("<I", data, 1)
+            if self._pace.allows():
+                self._publish(number, data[5:])
+        elif data[0] == _CALL:
+            service, call, length = struct.unpack_from("<III", data, 1)
+            self._call(service, call, data[13 + length :])
+
+    def _publish(self, number: int, data: bytes) -> None:
+        topic, schema, encoding = self._own.get(number, ("", "", ""))
+        why_not = self.hub.told.published(topic, schema, encoding, data)
+        if why_not:
+            self.complain(why_not)
+
+    def _call(self, number: int, call: int, payload: bytes) -> None:
+        service = self.hub.services.get(number)
+        if service is None:
+            self._failed(number, call, "there is no such service here")
+        elif not service.urgent and (len(self._calls) >= MOST_CALLS or not self._pace.allows()):
+            self._failed(number, call, f"{len(self._calls)} calls of this app wait already; nothing was done")
+        else:
+            task = asyncio.ensure_future(self._answer(service, number, call, payload))
+            self._calls.add(task)
+            task.add_done_callback(self._calls.discard)
+
+    async def _answer(self, service: Service, number: int, call: int, payload: bytes) -> None:
+        try:
+            response = await service.call(payload)
+        except Exception as error:  # whatever a type support says of bytes that are no request
+            self._failed(number, call, str(error))
+            return
+        head = struct.pack("<BIII", _ANSWER, number, call, len(ENCODING))
+        self.send(head + ENCODING.encode() + response)
+
+    def _failed(self, number: int, call: int, words: str) -> None:
+        self.say({"op": "serviceCallFailure", "serviceId": number, "callId": call, "message": printable(words)})
+
+
+def _number(value: Any) -> int:
+    if type(value) is not int:
+        raise TypeError(value)
+    return value
+
+
+class Hub:
+    """The server, in a thread of its own. Methods may be called from any thread.
+
+    Args:
+        port: TCP, of this machine; 0: any free one.
+        token: What the address holds.
+        origins: Of web pages that may connect, beside Foxglove's own.
+        publish: Apps may publish.
+
+    Raises:
+        ConsoleError: the port is taken.
+
+    Attributes:
+        url: to connect to. channels: number -> as apps are told. services: number -> service. apps: those that are connected.
+    """
+
+    def __init__(self, port: int, token: str, origins: tuple[str, ...], services: list[Service], publish: bool, told: Told):
+        host = LOOPBACK[0]
+        self.told = told
+        self.services = dict(enumerate(services, start=1))
+        self.channels: dict[int, dict[str, Any]] = {}
+        self.apps: set[_App] = set()
+        capabilities = ["services", *(["clientPublish"] if publish else [])]
+        self.info = {
+            "op": "serverInfo",
+            "name": "sixstrut",
+            "capabilities": capabilities,
+            "supportedEncodings": [ENCODING],
+            "metadata": {"ROS_DISTRO": "jazzy"},
+        }
+        self._watched: frozenset[int] = frozenset()
+        self._waiting, self._lock = 0, threading.Lock()
+        self._loop = asyncio.new_event_loop()
+        let_in = {*APPS, *origins}
+        self._gate = Gate(token, True, lambda origin, called: origin in let_in or own_page(origin, called))
+        started: Future[int] = Future()
+        self._thread = threading.Thread(target=self._run, args=(host, port, started), name="foxglove", daemon=True)
+        self._thread.start()
+        self.url = address("ws", host, started.result(), token)
+
+    def _run(self, host: str, port: int, started: Future[int]) -> None:
+        asyncio.set_event_loop(self._loop)
+        tornado.ioloop.IOLoop.current()
+        try:
+            self._http, number = listening([(r"/(?P<token>[^/]+)/?", _App, {"hub": self})], self._gate, host, port)
+            started.set_result(number)
+        except Exception as error:
+            started.set_exception(error)
+        else:
+            self._loop.run_forever()
+
+    def close(self) -> None:
+        """Let the apps go, and of the port."""
+
+        async def end() -> None:
+            self._http.stop()
+            for app in list(self.apps):
+                app.close(1001, "the server ends")
+            await self._http.close_all_connections()
+
+        asyncio.run_coroutine_threadsafe(end(), self._loop).result(5.0)
+        self._loop.call_soon_threadsafe(self._loop.stop)
+        self._thread.join(5.0)
+
+    # ---- topics -----------------------------------------------------------------------------------------------------
+
+    def offer(self, topic: str, schema: Half) -> int:
+        """A topic that apps can look at, and its number."""
+        number = len(self.channels) + 1
+        channel = {"id": number, "topic": topic} | schema.document()
+
+        def tell() -> None:
+            self.channels[number] = channel
+            for app in list(self.apps):
+                app.say({"op": "advertise", "channels": [channel]})
+
+        self.channels[number] = channel
+        self._loop.call_soon_threadsafe(tell)
+        return number
+
+    def watched(self, number: int) -> bool:
+        """Whether an app looks at it."""
+        return number in self._watched
+
+    def looked_at(self) -> None:
+        """In the server's thread: what is watched has changed."""
+        self._watched = frozenset(channel for app in self.apps for channel in app.watched.values())
+
+    def tell(self, number: int, time_ns: int, data: bytes) -> None:
+        """A message of a topic, for who looks. What is too large, or comes where too much waits already, is left out."""
+        with self._lock:
+            if self._waiting > MOST_DATA or len(data) > MOST_DATA:
+                return
+            self._waiting += len(data)
+        self._loop.call_soon_threadsafe(self._send, number, time_ns, data)
+
+    def _send(self, number: int, time_ns: int, data: bytes) -> None:
+        with self._lock:
+            self._waiting -= len(data)
+        for app in list(self.apps):
+            for subscription, channel in app.watched.items():
+                if channel == number and app.unsent <= MOST_DATA:
+                    app.send(struct.pack("<BIQ", _MESSAGE, subscription, time_ns) + data)
+
+    # ---- services ---------------------------------------------------------------------------------------------------
+
+    def services_document(self) -> dict[str, Any]:
+        """As apps are told."""
+        return {
+            "op": "advertiseServices",
+            "services": [
+                {
+                    "id": number,
+                    "name": one.name,
+                    "type": one.type_name,
+                    "request": one.request.document(),
+                    "response": one.response.document(),
+                }
+                for number, one in self.services.items()
+            ],
+        }

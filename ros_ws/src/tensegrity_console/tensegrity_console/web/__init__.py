@@ -1,0 +1,1 @@
+"""The console: one page, its server, its 3D scene, its side in ROS."""

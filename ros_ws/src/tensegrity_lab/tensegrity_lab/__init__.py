@@ -1,0 +1,1 @@
+"""Experiments with the robot, for a program: sessions of trials, studies, reports, failures, benchmarks. No command line."""

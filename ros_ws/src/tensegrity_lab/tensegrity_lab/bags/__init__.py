@@ -1,0 +1,1 @@
+"""Recorded sessions read back: replayed, played, judged."""

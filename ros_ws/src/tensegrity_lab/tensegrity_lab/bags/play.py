@@ -1,0 +1,203 @@
+"""Plays a bag into ROS, where rosbag2 is not installed: what the bridge told, under its live names, for a twin and for viewers.
+
+Only what the bridge *told* is played. Nothing of it is a command, and while a bridge lives nothing is played at all.
+"""
+
+from __future__ import annotations
+
+import os
+import tempfile
+import threading
+import time
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack, suppress
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import rclpy
+from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+
+from hardware_bridge.recording.bag_reader import Bag, BagError, Recorded, Session, read_bag
+from sim_core.files.printable import printable
+from sim_core.twin.follower import MOST_TIME_SCALE
+from tensegrity_interfaces.msg import TwinState
+from tensegrity_lab.bags.replay import events_of, model_of
+from tensegrity_lab.errors import StackError
+from tensegrity_lab.stack.message_types import message_class
+from tensegrity_lab.stack.processes import Stack, executable, ros_arguments, wait_until
+from tensegrity_robot.ros import qos
+from tensegrity_robot.ros.cdr import wire_bytes
+from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+
+TOLD: dict[str, QoSProfile] = {
+    "bridge/struts_sent": qos.STREAM,
+    "bridge/face": qos.FACES,
+    "bridge/state": qos.LATCHED,
+    "bridge/joint_states": qos.STATES,
+    "bridge/observed_joints": qos.STATES,
+    "bridge/asked": qos.STATES,
+    "bridge/trial": qos.FACES,
+}
+"""Topics that are played. Not the twin's: it makes its own again."""
+STREAM = ("bridge/struts_sent", "bridge/face")
+TWIN = "twin/state"
+MOST_PAUSE_S = 600.0
+"""Recorded time in which nothing was told, such as while a link was lost, beyond which playing goes on."""
+LOOK_S = 3.0
+"""How long a living bridge may take to be found."""
+DISCOVERY_LIMIT_S = 30.0
+
+
+class Played(NamedTuple):
+    """What was played, and where the twin then stood; twin None: none was started."""
+
+    messages: int
+    twin: TwinState | None
+
+
+def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None] = lambda done_s, total_s: None) -> Played:
+    """Play a bag to its end.
+
+    Args:
+        rate: recorded seconds per second. twin: start one that follows.
+        told: called with the seconds played, and of the whole bag.
+
+    Raises:
+        BagError, ReplayError: the bag cannot be read, or be a bridge's. StackError: a bridge lives, or the twin does not come up.
+    """
+    read = read_bag(bag, topics=(*TOLD, TWIN))
+    session = read.session()
+    types = _types(read)
+    states = [m for m in session.of(TWIN) if m.last_seq > 0]
+    first_seq = states[0].first_seq if states else 0
+    before = [m.face for m in session.of("bridge/face") if m.seq < first_seq and m.face]
+    start = (before or [m.face for m in states if m.face] or ["TC6"])[-1 if before else 0]
+    due = _due(session, first_seq)
+    rate = min(rate, MOST_TIME_SCALE / max(1.0, _time_scale(session)))
+    os.environ.update(discovery_changes(os.environ, loopback_profile()))
+    with ExitStack() as closing:
+        folder = Path(closing.enter_context(tempfile.TemporaryDirectory(prefix="sixstrut-play-")))
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+        closing.callback(rclpy.try_shutdown)
+        node = Node("sixstrut_player")
+        closing.callback(node.destroy_node)
+        _require_no_bridge(node)
+        publishers = {name: node.create_publisher(message_class(type_name), name, TOLD[name]) for name, type_name in types.items()}
+        if not twin:
+            return Played(_publish(due, publishers, types, rate, told), None)
+        parameters: dict[str, object] = {"start_face": start}
+        if "prototype.yaml" in session.attachments:
+            (folder / "prototype.yaml").write_bytes(session.attachments["prototype.yaml"])
+            parameters["prototype_file"] = folder / "prototype.yaml"
+        stack = closing.enter_context(Stack(folder / "logs"))
+        newest: list[TwinState] = []
+        node.create_subscription(TwinState, "twin/state", lambda message: newest.__setitem__(slice(None), [message]), qos.STATES)
+        _spin(node, closing)
+        stack.start("twin", [executable("tensegrity_robot", "twin"), *ros_arguments(parameters)])
+        for name in STREAM:
+            if name in publishers:
+                ready = publishers[name]
+                wait_until(lambda ready=ready: ready.get_subscription_count() > 0, DISCOVERY_LIMIT_S, "the twin", stack)  # type: ignore[misc]
+        wait_until(lambda: newest, DISCOVERY_LIMIT_S, "the twin's first state", stack)
+        count = _publish(due, publishers, types, rate, told)
+        last = max((m.message.seq for m in due if m.topic in STREAM), default=0)
+        wait_until(lambda: newest[0].last_seq == last, DISCOVERY_LIMIT_S, "the twin's last state", stack)
+        return Played(count, newest[0])
+
+
+def _require_no_bridge(node: Node) -> None:
+    """Two streams at once would be nonsense to every listener. Raises StackError."""
+    end = time.monotonic() + LOOK_S
+    while time.monotonic() < end:
+        if node.count_publishers("bridge/struts_sent"):
+            raise StackError("a bridge is running: nothing is played beside it; end it, or play in another ROS_DOMAIN_ID")
+        time.sleep(0.02)
+
+
+def _spin(node: Node, closing: ExitStack) -> None:
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+
+    def spin() -> None:
+        with suppress(ExternalShutdownException):
+            executor.spin()
+
+    thread = threading.Thread(target=spin, daemon=True)
+    thread.start()
+    closing.callback(thread.join, 5.0)
+    closing.callback(executor.shutdown)
+
+
+def _live_name(topic: str) -> str:
+    """The name that was recorded, without any namespace."""
+    return "/".join(topic.split("/")[-2:])
+
+
+def _types(bag: Bag) -> dict[str, str]:
+    return {_live_name(message.topic): message.type_name for message in bag.messages if _live_name(message.topic) in TOLD}
+
+
+def _time_scale(session: Session) -> float:
+    """Robot seconds per second when it was recorded."""
+    try:
+        return float(session.metadata.get("session", {}).get("time_scale", "1"))
+    except ValueError:
+        return 1.0
+
+
+def _due(session: Session, first_seq: int) -> list[Recorded]:
+    """What is played, in the order of recording. The stream begins where the recorded twin's did, so that its states are the same.
+
+    Raises:
+        StackError: nothing is. ReplayError: no bridge can have told it.
+    """
+    found = [recorded._replace(topic=_live_name(name)) for name, all_ in session.messages.items() for recorded in all_]
+    due = sorted((one for one in found if one.topic in TOLD), key=lambda one: one.log_time_ns)
+    due = [one for one in due if one.topic not in STREAM or one.message.seq >= first_seq]
+    if not due:
+        raise StackError(f"{session.path} holds nothing that a bridge told: there is nothing to play")
+    if any(one.topic == STREAM[0] for one in due):
+        events_of(session, model_of(session).prototype.strut_length_m)
+    return due
+
+
+def _publish(
+    due: Sequence[Recorded], publishers: dict[str, Any], types: dict[str, str], rate: float, told: Callable[[float, float], None]
+) -> int:
+    """Everything at its time, but no pause longer than MOST_PAUSE_S; each as today's type has it: old bags know fewer fields."""
+    times_s = [0.0]
+    for before, one in pairwise(due):
+        times_s.append(times_s[-1] + min(MOST_PAUSE_S, 1e-9 * (one.log_time_ns - before.log_time_ns)))
+    began = time.monotonic()
+    for at_s, one in zip(times_s, due, strict=True):
+        try:
+            data = wire_bytes(filled(message_class(types[one.topic]), one.message))
+        except (AssertionError, TypeError, ValueError, OverflowError) as error:
+            raise BagError(
+                f"a message of {one.topic} is none of today's {types[one.topic]}: {printable(str(error), 80)}"
+            ) from error
+        wait_s = began + at_s / rate - time.monotonic()
+        if wait_s > 0.0:
+            time.sleep(wait_s)
+        publishers[one.topic].publish(data)
+        told(at_s, times_s[-1])
+    return len(due)
+
+
+def filled(kind: Any, decoded: Any) -> Any:
+    """A message of a class with the fields that a decoded one has; the others have their defaults."""
+    message = kind()
+    for name, text in kind.get_fields_and_field_types().items():
+        if not hasattr(decoded, name):
+            continue
+        value, element = getattr(decoded, name), text.removeprefix("sequence<").rstrip(">").split(",")[0].split("[")[0]
+        if "/" in element:
+            package, _, short = element.partition("/")
+            part = message_class(f"{package}/msg/{short}")
+            value = [filled(part, item) for item in value] if isinstance(value, list) else filled(part, value)
+        setattr(message, name, value)
+    return message

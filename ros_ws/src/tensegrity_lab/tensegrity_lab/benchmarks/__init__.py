@@ -1,0 +1,1 @@
+"""What the solver and the stack cost."""

@@ -1,0 +1,95 @@
+"""A virtual prototype to practise on, and eyes on it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+
+from hardware_bridge.driver.child_process import bound
+from hardware_bridge.prototype_client.handshake import read_handshake
+from hardware_bridge.prototype_client.observation import Observation
+from hardware_bridge.prototype_client.observer_client import ObserverClient
+from sim_core.structure.topology import STRUTS
+from tensegrity_lab.errors import StackError
+from tensegrity_lab.stack.simulation_lag import Lateness
+
+START_LIMIT_S = 180.0
+"""The first time on a machine its kernels are compiled."""
+REST_LIMIT_S = 20.0
+LATE_S = 0.2
+"""A simulation no later than this is on time."""
+
+
+@contextmanager
+def practice_prototype(time_scale: float, board: str) -> Iterator[Path]:
+    """The link of a virtual prototype of its own, until the end of the block. Raises StackError: it does not start."""
+    with tempfile.TemporaryDirectory(prefix="sixstrut-practice-") as folder:
+        link = Path(folder) / "prototype"
+        words = ["-m", "hardware_bridge.virtual_prototype", "--link", str(link), "--board", board]
+        words += ["--time-scale", f"{time_scale:g}"]
+        command = bound([sys.executable, *words])
+        child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
+        try:
+            end = time.monotonic() + START_LIMIT_S
+            while (shake := read_handshake(str(link))) is None or shake.pid != child.pid:
+                if child.poll() is not None or time.monotonic() > end:
+                    raise StackError("the virtual prototype does not start: run ./sixstrut setup, then try again")
+                time.sleep(0.02)
+            yield link
+        finally:
+            child.terminate()
+            child.wait()
+
+
+class Eyes:
+    """What an observer sees of the struts; without an observer, nothing."""
+
+    def __init__(self, observer: str | None, time_scale: float):
+        self._observer = observer
+        self._lateness = Lateness(time_scale)
+        self._client: ObserverClient | None = None
+        self._news = threading.Condition()
+        self._newest: Observation | None = None
+
+    def __enter__(self) -> Eyes:
+        if self._observer is not None:
+            self._client = ObserverClient(self._observer, self._see)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        if self._client is not None:
+            self._client.close()
+
+    def length_mm(self, strut: str) -> float | None:
+        """Distance between a strut's nodes now, to 0.1 mm, once the robot is at rest; None if nobody sees it."""
+        if self._client is None:
+            return None
+        asked_s, first, second = time.monotonic(), *STRUTS[int(strut[1:]) - 1]
+        with self._news:
+            self._news.wait_for(lambda: self._is_at_rest(asked_s), REST_LIMIT_S)
+            if self._newest is None:
+                return None
+            joints_m = self._newest.joints_m
+        return round(1e3 * float(np.linalg.norm(joints_m[second] - joints_m[first])), 1)
+
+    def _is_at_rest(self, since_s: float) -> bool:
+        """At rest, and seen since then: what is simulated may be late, and rest before a motion that is still to come."""
+        if self._newest is None or not self._newest.settled:
+            return False
+        late_s = self._lateness.late_s
+        return late_s < LATE_S and time.monotonic() - since_s > late_s + LATE_S
+
+    def _see(self, observation: Observation) -> None:
+        with self._news:
+            self._newest = observation
+            self._lateness.saw(observation.robot_time_ns)
+            self._news.notify_all()

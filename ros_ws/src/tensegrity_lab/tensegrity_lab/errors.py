@@ -1,0 +1,21 @@
+"""Errors of the command line: one line, what to do next."""
+
+from __future__ import annotations
+
+from hardware_bridge.errors import BridgeError
+
+
+class KeyboardMissing(BridgeError):
+    """A command that asks for keys was started where nobody can press them."""
+
+
+class StackError(BridgeError):
+    """The stack did not come up, or a part of it died."""
+
+
+class SessionError(BridgeError):
+    """A session of trials that cannot be begun, gone on with, or reported."""
+
+
+class ConsoleError(BridgeError):
+    """A console that cannot be opened as asked."""

@@ -1,0 +1,1 @@
+"""Failures made to happen to the stack, and what must come of each."""

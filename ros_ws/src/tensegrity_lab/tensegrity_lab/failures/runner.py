@@ -1,0 +1,67 @@
+"""Runs scenarios one after the other in one lab."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from tensegrity_lab.failures.rig import Lab, scratch
+from tensegrity_lab.failures.scenario import Evidence, Scenario
+from tensegrity_lab.failures.table import RUNNING_ORDER, scenario
+from tensegrity_lab.stack.ros_domain import private_domain
+from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What came of a scenario.
+
+    Attributes:
+        scenario: Which.
+        evidence: What was seen; empty if it failed.
+        problem: Why it failed; empty if the failure was survived.
+        seconds: Wall time that it took.
+    """
+
+    scenario: Scenario
+    evidence: Evidence
+    problem: str
+    seconds: float
+
+
+def run(
+    numbers: Collection[int],
+    began: Callable[[Scenario], None] = lambda row: None,
+    domain: int | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> Iterator[Outcome]:
+    """Runs rows, in the order that shares most; yields what came of each.
+
+    Args: began: told each row before it runs. domain: of ROS; None: any that is free. say: told a line for people.
+    """
+    with private_domain(domain) as own, scratch() as folder:
+        say(own.words)
+        os.environ.update(discovery_changes(os.environ, loopback_profile()))  # the operator is a node of this process
+        lab = Lab(Path(folder), own.number, own.locks)
+        try:
+            for number in RUNNING_ORDER:
+                if number in numbers:
+                    row = scenario(number)
+                    began(row)
+                    yield _run_one(lab, row)
+        finally:
+            lab.close()
+
+
+def _run_one(lab: Lab, row: Scenario) -> Outcome:
+    began_s = time.monotonic()
+    evidence, problem = Evidence(), ""
+    try:
+        evidence = row.run(lab)
+    except Exception as error:
+        problem = str(error) or type(error).__name__
+        lab.spoil()
+    return Outcome(row, evidence, problem, time.monotonic() - began_s)

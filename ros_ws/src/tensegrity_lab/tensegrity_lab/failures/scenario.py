@@ -1,0 +1,72 @@
+"""What a scenario is: a failure, what must come of it, and how it is made to happen."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tensegrity_lab.failures.rig import Lab
+
+
+@dataclass
+class Evidence:
+    """What was seen.
+
+    Attributes:
+        told: What the operator reads: the stack's own words, in the order in which they came.
+        figures: What was measured, by name with its unit.
+        rows: Table rows of boards: for each board, what was found.
+    """
+
+    told: list[str] = field(default_factory=list)
+    figures: dict[str, float] = field(default_factory=dict)
+    rows: dict[str, dict[str, str]] = field(default_factory=dict)
+
+    def says(self, text: str, *wanted: str) -> None:
+        """The stack said this; fails unless every ``wanted`` part is in it."""
+        for part in wanted:
+            expect(part in text, f"expected {part!r} in: {text!r}")
+        self.told.append(text)
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One row of the table of failures.
+
+    Attributes:
+        number: Its row.
+        failure: What goes wrong.
+        happens: What the stack does about it.
+        remedy: What the operator does about it.
+        run: Makes it happen; raises AssertionError if anything else comes of it than must.
+    """
+
+    number: int
+    failure: str
+    happens: str
+    remedy: str
+    run: Callable[[Lab], Evidence]
+
+
+def expect(condition: object, what: str) -> None:
+    """Fails, saying ``what``, unless the condition holds."""
+    if not condition:
+        raise AssertionError(what)
+
+
+_VOLATILE = (
+    (re.compile(r"(?:/[\w.+-]+)+/(?=[\w.+-])"), ""),  # folders
+    (re.compile(r"/dev/pts/\d+"), "pts"),
+    (re.compile(r"\bv?[0-9a-f]{16,64}\b"), "HASH"),
+    (re.compile(r"[-+]?\d+(?:\.\d+)?"), "#"),
+)
+
+
+def shape_of(text: str) -> str:
+    """A text without what differs from run to run: folders, hashes and numbers."""
+    for pattern, instead in _VOLATILE:
+        text = pattern.sub(instead, text)
+    return text

@@ -1,0 +1,126 @@
+"""Pictures of what the commands did: readable labels, units, colour-blind safe."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from hardware_bridge.recording.bag_reader import Session, seconds_of
+from sim_core.rolling.roll import RollResult, Sample
+from sim_core.structure.topology import STRUTS, TENDONS
+from tensegrity_lab.bags.replay import Replay
+
+STRUT_COLORS = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9")
+"""Okabe–Ito: told apart by everyone."""
+
+
+def new_figure(width_in: float, height_in: float) -> Any:
+    """An off-screen matplotlib figure."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    return plt.figure(figsize=(width_in, height_in), layout="constrained")
+
+
+def draw_robot(axes: Any, joints_m: np.ndarray, box_m: np.ndarray) -> None:
+    """Struts, tendons and box on 3D axes, equal scales."""
+    for a, b in TENDONS:
+        axes.plot(*joints_m[[a, b]].T, color="0.6", lw=0.8)
+    for strut, (a, b) in enumerate(STRUTS):
+        axes.plot(*joints_m[[a, b]].T, color=STRUT_COLORS[strut], lw=4, solid_capstyle="round")
+    axes.scatter(*box_m, s=60, color="0.3", marker="s")
+    middle = joints_m.mean(axis=0)
+    for setter, value in zip((axes.set_xlim, axes.set_ylim), middle[:2], strict=True):
+        setter(value - 0.15, value + 0.15)
+    axes.set_zlim(0.0, 0.3)
+    axes.set_box_aspect((1, 1, 1))
+    axes.set_xticks([])
+    axes.set_yticks([])
+    axes.set_zticks([])
+
+
+def draw_lengths(axes: Any, times_s: Sequence[float], lengths_m: np.ndarray, label: bool = True) -> None:
+    """Rest lengths of the six struts over time; lengths_m is (n, 6)."""
+    for strut in range(6):
+        axes.plot(times_s, 1e3 * lengths_m[:, strut], color=STRUT_COLORS[strut], label=f"S{strut + 1}" if label else None)
+    axes.set_xlabel("robot time (s)")
+    axes.set_ylabel("rest length (mm)")
+    axes.legend(ncol=6, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, 1.15), frameon=False)
+
+
+def roll_picture(result: RollResult, trace: Sequence[Sample], path: Path, title: str) -> None:
+    """Four moments of a roll, its strut lengths and its strut forces."""
+    figure = new_figure(12, 7)
+    grid = figure.add_gridspec(2, 4)
+    for column, moment in enumerate(np.linspace(0, len(trace) - 1, 4).astype(int)):
+        axes = figure.add_subplot(grid[0, column], projection="3d")
+        draw_robot(axes, trace[moment].joints_m, trace[moment].box_m)
+        axes.set_title(f"{trace[moment].time_s - trace[0].time_s:.1f} s: {trace[moment].face or 'tipping'}")
+    times = [sample.time_s - trace[0].time_s for sample in trace]
+    draw_lengths(figure.add_subplot(grid[1, :2]), times, np.array([sample.lengths_m for sample in trace]))
+    axes = figure.add_subplot(grid[1, 2:])
+    forces = np.array([sample.forces_n for sample in trace])
+    for strut in range(6):
+        axes.plot(times, -forces[:, strut], color=STRUT_COLORS[strut])
+    axes.set_xlabel("robot time (s)")
+    axes.set_ylabel("strut compression (N)")
+    figure.suptitle(f"{title}: {' → '.join(result.faces)}, {'feasible' if result.feasible else 'not feasible'}")
+    figure.savefig(path, dpi=110)
+
+
+def observed_path(session: Session, origin_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Robot times (s, from `origin_s`) and joints (n, 12, 3) as the observer saw them."""
+    sent = list(session.of("bridge/struts_sent"))
+    stamps = np.array([seconds_of(m.header.stamp) for m in sent])
+    robot_s = np.array([m.robot_time_ns / 1e9 for m in sent])
+    seen = [m for m in session.of("bridge/observed_joints") if len(m.poses) >= 12]
+    times = np.interp([seconds_of(m.header.stamp) for m in seen], stamps, robot_s) - origin_s if sent and seen else np.zeros(0)
+    joints = [[(p.position.x, p.position.y, p.position.z) for p in m.poses[:12]] for m in seen]
+    return times, np.array(joints).reshape(-1, 12, 3)
+
+
+def session_picture(session: Session, replay: Replay, path: Path) -> None:
+    """A session: path on the floor with faces, strut lengths over time, twin against prototype."""
+    twin_t, twin = np.array(replay.times_s), np.array(replay.twin_m)
+    seen_t, joints = observed_path(session, replay.origin_s)
+    seen = joints.mean(axis=1) if len(joints) else np.zeros((0, 3))
+    figure = new_figure(13, 7)
+    grid = figure.add_gridspec(2, 2, width_ratios=(1, 1.25))
+
+    floor = figure.add_subplot(grid[:, 0])
+    floor.plot(1e3 * twin[:, 0], 1e3 * twin[:, 1], color="#0072b2", lw=2, label="twin")
+    if len(seen):
+        floor.plot(1e3 * seen[:, 0], 1e3 * seen[:, 1], color="#d55e00", lw=1.5, ls="--", label="virtual prototype")
+    marked = None
+    for check in replay.faces:
+        at = twin[np.searchsorted(twin_t, check.time_s).clip(0, len(twin) - 1)]
+        if check.observed == marked:
+            continue
+        marked = check.observed
+        floor.plot(1e3 * at[0], 1e3 * at[1], "o", color="black", ms=5)
+        floor.annotate(check.observed or "no face", 1e3 * at[:2], xytext=(6, 6), textcoords="offset points")
+    floor.set_aspect("equal", adjustable="datalim")
+    floor.margins(0.15)
+    floor.grid(color="0.9")
+    floor.set_xlabel("x on the floor (mm)")
+    floor.set_ylabel("y on the floor (mm)")
+    floor.set_title("Path of the centre, with the faces stood on")
+    floor.legend(frameon=False)
+
+    draw_lengths(figure.add_subplot(grid[0, 1]), replay.times_s, np.array(replay.lengths_m))
+    apart = figure.add_subplot(grid[1, 1])
+    if len(seen):
+        common = np.column_stack([np.interp(seen_t, twin_t, twin[:, axis]) for axis in range(3)])
+        apart.plot(seen_t, 1e3 * np.linalg.norm(common - seen, axis=1), color="#009e73")
+    apart.set_xlabel("robot time (s)")
+    apart.set_ylabel("twin to prototype, centres (mm)")
+    apart.set_ylim(bottom=0)
+    apart.set_xlim(left=0)
+    apart.grid(color="0.9")
+    figure.suptitle(f"{session.path.name}, {replay.times_s[-1]:.0f} s of robot time")
+    figure.savefig(path, dpi=110)

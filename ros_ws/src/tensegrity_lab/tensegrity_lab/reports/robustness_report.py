@@ -1,0 +1,188 @@
+"""A robustness study for people, for scripts and for tables."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+from sim_core.gaits.library import Library, gait_of
+from sim_core.studies.attribution import Attribution
+from sim_core.studies.binomial_intervals import EXCHANGEABLE, ONE_GAIT, Rate
+from sim_core.studies.robustness import Study
+from sim_core.studies.tasks import Cost
+from sim_core.uncertainty.distribution import GROUPS, OURS
+from tensegrity_lab.terminal.tables import cell_of
+
+WORST = 8
+"""Gaits to name."""
+VIRTUAL = "These are virtual trials: the prototypes share the model's equations, so they test the library, not the model."
+
+
+def head_of(library: Library, study: Study) -> str:
+    """What was studied, in two lines."""
+    plan = study.plan
+    gaits, count = plan.shape
+    tried = "the reference gait" if plan.one_gait else f"{gaits} gaits"
+    numbers = f" (numbers {plan.numbers[0]} to {plan.numbers[-1]})" if plan.first else ""
+    return (
+        f"library {library.name} ({library.hash}): {len(study.primitives)} primitives, {tried} on each of {count} held-out "
+        f"prototypes of seed {plan.seed}{numbers}\nlaw: {plan.law.words}"
+    )
+
+
+def assumption_of(study: Study) -> str:
+    """What the intervals take for granted."""
+    return ONE_GAIT if study.plan.one_gait else EXCHANGEABLE
+
+
+def shown(rate: Rate) -> str:
+    """A rate with its interval, in %."""
+    return f"{100 * rate.value:6.2f} %  [{100 * rate.low:6.2f}, {100 * rate.high:6.2f}]"
+
+
+def text_of(library: Library, study: Study, blame: Attribution | None, wall_s: float) -> str:
+    """The whole study for people."""
+    lines = [head_of(library, study), "", f"{'primitive':<12} {'class':<8} success   95 % interval    weakest gait"]
+    rows = zip(study.primitives, study.rates, study.gait_rates, study.gaits, strict=True)
+    for primitive, rate, gaits, rolls in sorted(rows, key=lambda row: -row[1].value):
+        weakest = min(range(len(gaits)), key=lambda g: gaits[g].value)
+        source, target = rolls[weakest]
+        weak = f"{source}→{target} {100 * gaits[weakest].value:.0f} %"
+        lines.append(f"{primitive.name:<12} {primitive.roll_class.name:<8} {shown(rate)}  {weak}")
+    lines += ["", f"primitives: {study.counts.words}", f"all trials: {shown(study.overall)} of {study.overall.trials}"]
+    if blame is not None:
+        lines += ["", *_blame_lines(blame, study)]
+    lines += ["", cost_line(study.cost, wall_s), "", assumption_of(study), VIRTUAL]
+    ours = [name for name in study.plan.law.groups if GROUPS[name].source == OURS]
+    if ours:
+        lines.append(f"The range of {', '.join(ours)} is a stand-in of ours.")
+    return "\n".join(lines)
+
+
+def _blame_lines(blame: Attribution, study: Study) -> Iterator[str]:
+    count = len(blame.failures)
+    if not count:
+        yield "no trial failed: there is nothing to blame"
+        return
+    yield f"{count} of {blame.failed} failed trials, tried again:"
+    yield f"{'uncertainty':<14} vanish without it   come with it alone"
+    for row in blame.blames:
+        yield f"{row.group:<14} {100 * row.vanish_without / count:13.0f} % {100 * row.come_alone / count:18.0f} %"
+    if blame.nominal.any():
+        yield f"{100 * blame.nominal.mean():.0f} % fail on the nominal robot too"
+    worst = sorted(blame.killers_by_gait(study).items(), key=lambda item: -item[1].total())[:WORST]
+    yield "gaits that failed most among these: " + "; ".join(f"{gait} by {_counted(killers)}" for gait, killers in worst)
+
+
+def _counted(killers: Counter[str]) -> str:
+    return ", ".join(f"{name} {number}" for name, number in killers.most_common())
+
+
+def cost_line(cost: Cost, wall_s: float) -> str:
+    """What the trials took."""
+    return (
+        f"cost: {cost.trials} rolls, {cost.robot_s:.0f} robot-seconds in {wall_s:.1f} s ({cost.robot_s / wall_s:.0f} × real time); "
+        f"{cost.core_s:.1f} core-seconds, {1e3 * cost.core_s / cost.robot_s:.2f} core-ms a robot-second, "
+        f"{100 * cost.build_s / cost.core_s:.0f} % of it to draw and build prototypes"
+    )
+
+
+def document_of(library: Library, study: Study, blame: Attribution | None, wall_s: float) -> dict[str, Any]:
+    """The whole study for scripts."""
+    plan = study.plan
+    killers = blame.killers_by_gait(study) if blame else {}
+    return {
+        "library": library.name,
+        "library_hash": library.hash,
+        "law": {**vars(plan.law), "words": plan.law.words},
+        "seed": plan.seed,
+        "first": plan.first,
+        "prototypes": plan.shape[1],
+        "one_gait": plan.one_gait,
+        "overall": rate_document(study.overall),
+        "counts": study.counts._asdict(),
+        "primitives": [
+            {"name": p.name, "class": p.roll_class.name, "policy_mm": list(p.policy), **rate_document(rate)}
+            for p, rate in zip(study.primitives, study.rates, strict=True)
+        ],
+        "gaits": [
+            {"primitive": p.name, "source": s, "target": t, **rate_document(rate), "killers": dict(killers.get(name, {}))}
+            for p, s, t, rate, name in gait_rows(study)
+        ],
+        "uncertainties": None
+        if blame is None
+        else {
+            "failed": blame.failed,
+            "looked_at": len(blame.failures),
+            "nominal": int(blame.nominal.sum()),
+            "groups": [row._asdict() for row in blame.blames],
+        },
+        "cost": {**study.cost._asdict(), "wall_s": wall_s},
+        "notes": [assumption_of(study), VIRTUAL],
+    }
+
+
+def rate_document(rate: Rate) -> dict[str, float]:
+    """A rate for JSON and CSV."""
+    return {"successes": rate.successes, "trials": rate.trials, "rate": rate.value, "low": rate.low, "high": rate.high}
+
+
+def gait_rows(study: Study) -> Iterator[tuple[Any, str, str, Rate, str]]:
+    """(primitive, source, target, rate, gait's name) of every gait."""
+    for primitive, rolls, rates in zip(study.primitives, study.gaits, study.gait_rates, strict=True):
+        for (source, target), rate in zip(rolls, rates, strict=True):
+            yield primitive, source, target, rate, gait_of(primitive, source, target).name
+
+
+def write_tables(study: Study, blame: Attribution | None, folder: Path) -> list[Path]:
+    """Write trials.csv, primitives.csv and gaits.csv; their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    killers = blame.killers_by_gait(study) if blame else {}
+    primitives = [
+        {"primitive": p.name, "class": p.roll_class.name, "policy_mm": " ".join(map(str, p.policy)), **rate_document(rate)}
+        for p, rate in zip(study.primitives, study.rates, strict=True)
+    ]
+    gaits = [
+        {"primitive": p.name, "source": s, "target": t, **rate_document(rate), "killers": _counted(killers.get(name, Counter()))}
+        for p, s, t, rate, name in gait_rows(study)
+    ]
+    return [
+        write_table(folder / "primitives.csv", primitives),
+        write_table(folder / "gaits.csv", gaits),
+        write_table(folder / "trials.csv", _trial_rows(study)),
+    ]
+
+
+def _trial_rows(study: Study) -> Iterator[dict[str, Any]]:
+    for p, primitive in enumerate(study.primitives):
+        for g, (source, target) in enumerate(study.gaits[p]):
+            for k, number in enumerate(study.plan.numbers):
+                at = p, g, k
+                yield {
+                    "primitive": primitive.name,
+                    "source": source,
+                    "target": target,
+                    "seed": study.plan.seed,
+                    "prototype": number,
+                    "feasible": int(study.feasible[at]),
+                    "margin_m": f"{study.margin_m[at]:.5f}",
+                    "clearance_m": f"{study.clearance_m[at]:.5f}",
+                    "peak_force_n": f"{study.peak_force_n[at]:.2f}",
+                    "duration_s": f"{study.duration_s[at]:.2f}",
+                    "reason": study.reasons[study.reason[at]],
+                }
+
+
+def write_table(path: Path, rows: Iterable[dict[str, Any]]) -> Path:
+    """Write rows with the same keys as a CSV table, its first line the keys; the path. Raises OSError."""
+    with path.open("w", newline="", encoding="utf-8") as file:
+        table: csv.DictWriter[str] | None = None
+        for row in rows:
+            if table is None:
+                table = csv.DictWriter(file, list(row), lineterminator="\n")
+                table.writeheader()
+            table.writerow({name: cell_of(value) for name, value in row.items()})
+    return path

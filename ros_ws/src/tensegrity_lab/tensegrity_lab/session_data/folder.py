@@ -1,0 +1,186 @@
+"""A session's folder: what it tries and on which robot, written once; the ledger; the bags. One process at a time."""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import time
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass, fields
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from sim_core.errors import FileError, brief
+from sim_core.files.bounded_reader import read_text
+from sim_core.files.yaml_reader import read_yaml
+from sim_core.gaits.library import Library, library_text, load_library
+from tensegrity_lab.errors import SessionError
+from tensegrity_lab.session_data.ledger import sync_folder, write_durably
+from tensegrity_lab.session_data.plan import Slot, plan_of, plan_text
+
+SCHEMA = 1
+SETTINGS, PLAN, LIBRARY, LOCK, BAGS, LOGS = "session.yaml", "plan.csv", "library.yaml", "lock", "bags", "logs"
+LOCK_LIMIT_S = 60.0
+"""The processes of a session that was killed finish their bag first."""
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What makes two trials comparable. It never changes once the session has begun.
+
+    Attributes:
+        name: of the session. created: UTC, ISO 8601.
+        library, library_hash: of the gaits. primitives, gaits, repeats: as asked for.
+        order_seed: drew the order.
+        robot: which prototype. virtual_robot: it is simulated; then perturbation, seed and actuators say which.
+        computed: by what, if no stack ran: such trials are virtual, and each begins as the model places the robot; empty: they ran.
+    """
+
+    name: str
+    created: str
+    library: str
+    library_hash: str
+    primitives: str
+    gaits: str
+    repeats: int
+    order_seed: int
+    robot: str
+    virtual_robot: bool
+    perturbation: float = 0.0
+    seed: int = 0
+    actuators: str = ""
+    computed: str = ""
+
+
+@dataclass(frozen=True)
+class SessionFolder:
+    """A session that has begun.
+
+    Attributes:
+        path: its folder. settings, plan, library: what was written at its beginning.
+    """
+
+    path: Path
+    settings: Settings
+    plan: list[Slot]
+    library: Library
+
+    @property
+    def bags(self) -> Path:
+        """Where its bags go."""
+        return self.path / BAGS
+
+
+def is_session(path: Path) -> bool:
+    """Whether a session has begun in a folder."""
+    return (path / SETTINGS).is_file()
+
+
+def begin_session(path: Path, settings: Settings, plan: list[Slot], library: Library) -> SessionFolder:
+    """Write a new session; all of it or nothing: its settings come last.
+
+    Raises:
+        SessionError: the folder holds something else. OSError.
+    """
+    path.mkdir(parents=True, exist_ok=True)
+    others = sorted(p.name for p in path.iterdir() if p.name not in (PLAN, LIBRARY, LOCK, SETTINGS + ".new"))
+    if others:
+        raise SessionError(f"{path} holds {others[0]} and no session: give another folder, or one that does not exist yet")
+    write_durably(path / LIBRARY, library_text(library))
+    write_durably(path / PLAN, plan_text(plan))
+    write_durably(path / (SETTINGS + ".new"), yaml.safe_dump({"schema": SCHEMA, **asdict(settings)}, sort_keys=False))
+    (path / (SETTINGS + ".new")).replace(path / SETTINGS)
+    sync_folder(path)
+    return SessionFolder(path, settings, plan, library)
+
+
+def open_session(path: Path) -> SessionFolder:
+    """Read a session. Raises SessionError: it is none, or something of it was changed."""
+    try:
+        document: Any = read_yaml(path / SETTINGS)
+        plan_table = read_text(path / PLAN)
+    except (OSError, FileError) as error:
+        raise SessionError(
+            f"{path} is not a session of trials: {error}; valid is a folder that `sixstrut trial` made, with {SETTINGS} in it"
+        ) from error
+    if not isinstance(document, Mapping) or document.get("schema") != SCHEMA:
+        raise SessionError(f"{path / SETTINGS} is not of this version: valid is a mapping with schema: {SCHEMA}")
+    known = {field.name for field in fields(Settings)}
+    try:
+        settings = Settings(**{key: value for key, value in document.items() if key in known})
+    except TypeError as error:
+        raise SessionError(f"{path / SETTINGS}: {error}") from error
+    _require_types(path / SETTINGS, settings)
+    library = load_library(path / LIBRARY)
+    if library.hash != settings.library_hash:
+        raise SessionError(
+            f"{path / LIBRARY} is not the session's library any more: hash {library.hash}, not {settings.library_hash}"
+        )
+    return SessionFolder(path, settings, plan_of(plan_table, str(path / PLAN)), library)
+
+
+def _require_types(file: Path, settings: Settings) -> None:
+    """Raises SessionError: a setting is of another type than it should be."""
+    for field in fields(Settings):
+        value = getattr(settings, field.name)
+        wanted: Any = {"str": str, "int": int, "bool": bool, "float": (int, float)}[str(field.type)]
+        if not isinstance(value, wanted) or (field.type != "bool" and isinstance(value, bool)):
+            raise SessionError(f"{file}: {field.name} is {brief(value)}; valid is a value of type {field.type}")
+
+
+def require_same(settings: Settings, asked: Mapping[str, object]) -> None:
+    """Whether what is asked for is what the session has. Raises SessionError naming all that differs."""
+    differ = [
+        f"{name} {getattr(settings, name)!r}, not {value!r}" for name, value in asked.items() if getattr(settings, name) != value
+    ]
+    if differ:
+        raise SessionError(
+            f"session {settings.name} has {'; '.join(differ)}: leave these options out to go on, or begin a new session"
+        )
+
+
+@contextmanager
+def locked(path: Path, say: Any) -> Iterator[int]:
+    """Holds a session's lock; its descriptor, for the stack's processes to hold too.
+
+    Args:
+        say: told for people why it waits: a session that was killed leaves processes that are closing its bag.
+
+    Raises:
+        SessionError: somebody else holds it for longer than that can take.
+    """
+    descriptor = os.open(path / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        _wait_for(descriptor, path, say)
+        os.ftruncate(descriptor, 0)
+        os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
+        yield descriptor
+    finally:
+        os.close(descriptor)
+
+
+def _wait_for(descriptor: int, path: Path, say: Any) -> None:
+    end = time.monotonic() + LOCK_LIMIT_S
+    told = False
+    while True:
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            return
+        except BlockingIOError:
+            owner = os.pread(descriptor, 32, 0).decode(errors="replace").strip()
+            if owner.isdigit() and Path(f"/proc/{owner}").exists():
+                raise SessionError(
+                    f"session {path} is being run by process {owner}: end that first (Ctrl-C in its terminal)"
+                ) from None
+            if time.monotonic() > end:
+                raise SessionError(
+                    f"processes of session {path} still run after {LOCK_LIMIT_S:g} s, though its program has ended; find them with "
+                    f"`fuser {path / LOCK}` and end them"
+                ) from None
+            if not told:
+                say("the session was killed; waiting for its processes to close the bag")
+                told = True
+            time.sleep(0.05)

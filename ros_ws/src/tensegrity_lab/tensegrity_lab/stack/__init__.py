@@ -1,0 +1,1 @@
+"""The running stack as a program sees it: start it, watch it, ask it, stop it."""

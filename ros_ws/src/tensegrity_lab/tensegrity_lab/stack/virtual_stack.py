@@ -1,0 +1,157 @@
+"""A whole stack on a virtual prototype: its processes, started together. For demo, travel and console."""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
+from sim_core.dynamics.actuators import require_actuators
+from sim_core.gaits.library import load_library
+from sim_core.rolling.warm_up import Stage
+from sim_core.structure.topology import require_face
+from tensegrity_lab.stack.processes import Stack, Uninterrupted, executable, ros_arguments, wait_until
+from tensegrity_lab.stack.ros_domain import private_domain
+from tensegrity_lab.terminal.compile_notice import compile_first
+
+START_LIMIT_S = 60.0
+
+
+def start_prototype(stack: Stack, link: Path, words: Mapping[str, object]) -> Handshake:
+    """Start a virtual prototype; returned as soon as it has proven that the pty at its link is its own.
+
+    Args:
+        words: its options, without dashes.
+
+    Raises:
+        StackError: it does not come up.
+    """
+    given = [word for name, value in words.items() for word in (f"--{name}", str(value))]
+    name = "virtual_prototype"
+    stack.start(name, [sys.executable, "-m", "hardware_bridge.virtual_prototype", "--link", link, *given])
+    found: list[Handshake] = []
+
+    def ready() -> bool:
+        shake = read_handshake(str(link))
+        if shake is not None and shake.pid == stack.pids()[name]:
+            found.append(shake)
+        return bool(found)
+
+    wait_until(ready, START_LIMIT_S, "the virtual prototype's port", stack)
+    return found[0]
+
+
+@dataclass(frozen=True)
+class VirtualRobot:
+    """A virtual prototype, and what drives it.
+
+    Attributes:
+        face: it starts on. seed, perturbation, incline_deg: of the hidden robot and its ground.
+        time_scale: robot seconds per second. board, actuators, library: names or files. bags: folder.
+    """
+
+    face: str = "TC6"
+    seed: int = 1
+    perturbation: float = 0.05
+    time_scale: float = 8.0
+    board: str = "lsc"
+    actuators: str = "stand-in"
+    library: str = "robust"
+    bags: Path = Path("bags")
+    incline_deg: float = 0.0
+
+    def require(self) -> None:
+        """Raises SimError, BridgeError: something that cannot be, before anything is started."""
+        require_face(self.face)
+        parse_board(self.board)
+        require_actuators(self.actuators)
+        load_library(self.library)
+
+    @staticmethod
+    def compile() -> None:
+        """Compile the solver first, once for all processes, instead of each for itself; the planner rehearses in batches."""
+        compile_first(Stage.ROBOT, Stage.BATCH)
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        pace = "real time" if self.time_scale == 1.0 else f"{self.time_scale:g} times real time"
+        ground = f", ground inclined by {self.incline_deg:g} degrees" if self.incline_deg else ""
+        return (
+            f"virtual prototype, board {self.board}, actuators {self.actuators}, perturbed by ±{100 * self.perturbation:g} % "
+            f"(seed {self.seed}){ground}; {pace}; every roll here is virtual"
+        )
+
+    def start(self, stack: Stack, folder: Path, travels: bool = False, planner: Sequence[tuple[str, object]] = ()) -> Handshake:
+        """Start the processes; the link and the bridge's state are in `folder`. Nothing but this prototype can be armed by them.
+
+        Args:
+            travels: start the traveller too. planner: further parameters of planner and traveller, (name, value).
+
+        Returns:
+            The prototype's handshake.
+
+        Raises:
+            StackError: the virtual prototype does not come up.
+        """
+        link = folder / "prototype"
+        words = {
+            "face": self.face,
+            "seed": self.seed,
+            "perturbation": self.perturbation,
+            "incline": self.incline_deg,
+            "time-scale": self.time_scale,
+            "board": self.board,
+            "actuators": self.actuators,
+        }
+        handshake = start_prototype(stack, link, words)
+        gaits = {"library": self.library}
+        bridge = {
+            "port": link,
+            "board": self.board,
+            "time_scale": self.time_scale,
+            "bag_folder": self.bags.resolve(),
+            "state_folder": folder,
+            "library": self.library,
+        }
+        nodes: dict[str, dict[str, object]] = {
+            "twin": {"start_face": self.face},
+            "gait_planner": {**gaits, "prototype": handshake.instance},
+        }
+        if travels:
+            nodes["traveller"] = {**gaits, **dict(planner)}
+        nodes["hardware_bridge"] = bridge
+        for name, parameters in nodes.items():
+            stack.start(name, [executable("tensegrity_robot", name), *ros_arguments(parameters)])
+        return handshake
+
+
+@contextmanager
+def running(robot: VirtualRobot, name: str, told: Callable[[str], None], domain: int | None = None) -> Iterator[Stack]:
+    """A whole stack, traveller too, in a ROS domain of its own, while somebody watches; however that ends, the bag is closed.
+
+    Args:
+        name: of whoever watches, for the folder of logs. told: a line for people. domain: this one; None: any that is free.
+
+    Raises:
+        SimError, BridgeError: something that cannot be. StackError: the virtual prototype does not come up.
+    """
+    robot.require()
+    robot.compile()
+    robot.bags.mkdir(parents=True, exist_ok=True)
+    with private_domain(domain) as own, tempfile.TemporaryDirectory(prefix=f"sixstrut-{name}-") as folder:
+        processes = Stack(robot.bags / "logs" / f"{name}-{os.getpid()}", *own.locks)
+        told(robot.words)
+        told(own.words)
+        try:
+            robot.start(processes, Path(folder), travels=True)
+            yield processes
+        finally:
+            with Uninterrupted():
+                processes.stop()

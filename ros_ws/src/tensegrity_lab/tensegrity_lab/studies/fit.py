@@ -1,0 +1,165 @@
+"""What the command `fit` does, step by step."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Any
+
+from sim_core.dynamics.model import Model
+from sim_core.errors import ParameterError
+from sim_core.gaits.library import load_library
+from sim_core.gaits.success_probability import odds_text
+from sim_core.rolling.warm_up import Stage
+from sim_core.studies.ensemble_fit import LEAST, Fit, estimates, fit
+from sim_core.studies.gait_posterior import learned_odds
+from sim_core.studies.gait_prior import fitted_prior, gaits_of, roll_of, shipped_prior
+from sim_core.studies.rehearsal import MEMBERS
+from sim_core.uncertainty.ensemble import Posterior, posterior_text
+from sim_core.uncertainty.robot_prior import LABELS, Prior
+from tensegrity_lab.studies.fit_demonstration import Setting, demonstrate, half_ranges
+from tensegrity_lab.studies.fit_page import page_of
+from tensegrity_lab.studies.fit_trials import Tries
+from tensegrity_lab.terminal.compile_notice import compile_first
+from tensegrity_lab.terminal.progress import bars
+
+VIRTUAL = "These are virtual trials: the robot shares the model's equations, so this says nothing of a real one."
+
+
+@dataclass(frozen=True)
+class Asked:
+    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_posterior.learned_odds`."""
+
+    members: int
+    rounds: int
+    seed: int
+    lapse: float
+    prior: Prior
+    weight: float
+
+
+def prior_of(words: str) -> Prior:
+    """A prior from "name=number,name=number". Raises ParameterError: an unknown name, or an impossible number."""
+    names = [field.name for field in fields(Prior)]
+    given: dict[str, float] = {}
+    for word in filter(None, (part.strip() for part in words.split(","))):
+        name, _, value = word.partition("=")
+        try:
+            given[name] = float(value)
+        except ValueError:
+            name = ""
+        if name not in names:
+            raise ParameterError(f"--prior {word!r}: valid is NAME=NUMBER with one of {', '.join(names)}")
+    return Prior(**given)
+
+
+def fitted(model: Model, tries: Tries, asked: Asked) -> Fit:
+    """Fit an ensemble, with progress on standard error. Raises what `fit` raises."""
+    compile_first(Stage.BATCH)
+    with bars("rolls") as bar:
+        return fit(model, tries.seen, asked.prior, asked.members, asked.seed, asked.lapse, asked.rounds, bar("ensemble"))
+
+
+def write_ensemble(path: Path, model: Model, tries: Tries, found: Fit) -> None:
+    """Write the ensemble's file. Raises OSError."""
+    provenance = {
+        "how": "members drawn from a prior, weighted by the likelihood of trials' outcomes",
+        "sessions": list(tries.sources),
+        "robot": tries.robot,
+        "virtual": tries.virtual,
+        "trials": len(tries.seen),
+        "successes": sum(one.won for one in tries.seen),
+        "library": tries.library.name,
+        "library_hash": tries.library.hash,
+        "prior": found.prior.plain,
+        "fit_seed": found.seed,
+        "lapse": found.lapse,
+        "lapses": [round(lapse, 4) for lapse in found.lapses],
+        "effective_sizes": [round(size, 2) for size in found.effective_sizes],
+    }
+    posterior = Posterior(model.hash, provenance, found.prior.noise, found.members, found.weights)
+    path.write_text(posterior_text(posterior), encoding="utf-8")
+
+
+def write_odds(path: Path, model: Model, tries: Tries, found: Fit | None, asked: Asked) -> None:
+    """Write the odds' file: of the fitted ensemble, or without one of the shipped odds; and of each gait's own trials. OSError."""
+    source = f"{'virtual ' if tries.virtual else ''}trials of {tries.robot}: {', '.join(tries.sources)}"
+    if found is None:
+        prior = shipped_prior(tries.library)
+        how = f"odds of library {tries.library.name} as shipped, and {source}"
+    else:
+        gaits = gaits_of(tries.library.primitives)
+        with bars("rolls") as bar:
+            known = fitted_prior(model, found, tries.seen, gaits, MEMBERS, bar("odds of every gait"))
+        how = f"an ensemble fitted to, and gait by gait, {source}"
+
+        def prior(gait: Any) -> float:
+            return known[roll_of(gait)]
+
+    path.write_text(odds_text(learned_odds(tries.library, prior, tries.counts, asked.weight, how)), encoding="utf-8")
+
+
+def document_of(tries: Tries, found: Fit | None) -> dict[str, Any]:
+    """For scripts."""
+    document: dict[str, Any] = {
+        "sessions": list(tries.sources),
+        "robot": tries.robot,
+        "virtual": tries.virtual,
+        "trials": len(tries.seen),
+        "successes": sum(one.won for one in tries.seen),
+    }
+    if found is not None:
+        document["effective_sizes"] = list(found.effective_sizes)
+        document["lapses"] = list(found.lapses)
+        document["estimates"] = [one._asdict() for one in _estimates(found)]
+    return document
+
+
+def _estimates(found: Fit) -> list[Any]:
+    return estimates(found.parameters, found.weights, LABELS, half_ranges(found.prior))
+
+
+def text_of(tries: Tries, found: Fit | None) -> str:
+    """For people."""
+    kind = "virtual trials" if tries.virtual else "trials"
+    won = sum(one.won for one in tries.seen)
+    lines = [f"{len(tries.seen)} {kind} of {tries.robot} ({', '.join(tries.sources)}): {won} succeeded"]
+    if found is not None:
+        lines += ["", f"{'':<22} {'mean':>7}  {'90 % interval':<18} width over the prior's"]
+        lines += [
+            f"{one.label:<22} {one.mean:7.3f}  [{one.low:7.3f}, {one.high:7.3f}] {one.told:6.2f}" for one in _estimates(found)
+        ]
+        sizes = ", ".join(f"{size:.1f}" for size in found.effective_sizes)
+        lines += ["", f"prior: {found.prior.words}", f"{len(found.members)} members; effective size after each round: {sizes}"]
+        if found.lapses[-1] > found.lapse:
+            lines.append(
+                f"Too few members foretell all trials: weighed with a lapse rate of {found.lapses[-1]:.2f}, not {found.lapse:g}, "
+                "so less is learnt than the trials could tell; more --members or --rounds sharpen it"
+            )
+        if found.effective_size < LEAST:
+            lines.append(f"The effective size is below {LEAST:g}: intervals are too narrow; give more --members")
+        if not all(one.placed for one in tries.seen):
+            lines.append("In which direction the robot stood is not known: of the slope only the steepness can be told.")
+    if tries.virtual:
+        lines.append(VIRTUAL)
+    return "\n".join(lines)
+
+
+def demonstrated(model: Model, asked: Asked, robots: int, primitives: int, searched: int, library: str, path: Path) -> str:
+    """Demonstrate on hidden virtual robots; write the page, which is returned. Raises OSError."""
+    compile_first(Stage.BATCH)
+    setting = Setting(
+        robots,
+        primitives=primitives,
+        searched=searched,
+        members=asked.members,
+        rounds=asked.rounds,
+        seed=asked.seed,
+        lapse=asked.lapse,
+        prior=asked.prior,
+    )
+    with bars("rolls") as bar:
+        shown = demonstrate(model, load_library(library), setting, bar)
+    text = page_of(shown, model.hash)
+    path.write_text(text, encoding="utf-8")
+    return text

@@ -1,0 +1,158 @@
+"""The trials of sessions and bags, as a fit wants them: one robot, known gaits, successes and failures."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from hardware_bridge.recording.bag_reader import read_session
+from hardware_bridge.recording.bag_types import TOPICS
+from sim_core.dynamics.model import Model, build_model
+from sim_core.gaits.library import Library, load_library
+from sim_core.structure.elements import PREVIOUS
+from sim_core.structure.policy import checked_policy
+from sim_core.structure.topology import NEIGHBOURS
+from sim_core.studies.ensemble_fit import Roll, Seen
+from tensegrity_lab.bags.replay import model_of
+from tensegrity_lab.bags.rolls import outcomes_of
+from tensegrity_lab.errors import SessionError
+from tensegrity_lab.reports.trial_analysis import read_told
+from tensegrity_lab.session_data.bag_messages import lines_in_bag
+from tensegrity_lab.session_data.record import Event, Line, Outcome
+
+UNNAMED = "a bag's robot"
+
+
+@dataclass(frozen=True)
+class Tries:
+    """What was tried on one robot.
+
+    Attributes:
+        sources: names of the sessions and bags. robot: its name. virtual: virtual trials.
+        library: of all gaits. seen: the trials. names: the primitive of each.
+    """
+
+    sources: tuple[str, ...]
+    robot: str
+    virtual: bool
+    library: Library
+    seen: tuple[Seen, ...]
+    names: tuple[str, ...]
+
+    @property
+    def counts(self) -> dict[tuple[str, str, str], tuple[int, int]]:
+        """(primitive, source, target) -> (successes, trials)."""
+        keys = [(name, one.roll.source, one.roll.target) for name, one in zip(self.names, self.seen, strict=True)]
+        tried = Counter(keys)
+        won = Counter(key for key, one in zip(keys, self.seen, strict=True) if one.won)
+        return {key: (won[key], count) for key, count in tried.items()}
+
+
+def read_tries(paths: Sequence[Path], model: Model, library: str | None = None) -> Tries:
+    """Read sessions' folders and bags.
+
+    Args:
+        model: that is to be fitted. library: of bags; default: the shipped one that their records name, or `robust`.
+
+    Raises:
+        SessionError: nothing to fit to, several robots or libraries, virtual and real trials mixed, or gaits of another model.
+        LibraryError, BagError.
+    """
+    doubles = [path for path, count in Counter(path.resolve() for path in paths).items() if count > 1]
+    if doubles:
+        raise SessionError(f"{doubles[0]} is given twice: its trials would count twice")
+    parts = [_bag(path, model, library) if path.suffix == ".mcap" else _session(path) for path in paths]
+    for what, values in (
+        ("robots", {part.robot for part in parts}),
+        ("libraries", {part.library.hash for part in parts}),
+        ("kinds, virtual and real", {str(part.virtual) for part in parts}),
+    ):
+        if len(values) > 1:
+            raise SessionError(
+                f"the trials are of several {what}: {', '.join(sorted(values))}; fit one robot and library at a time"
+            )
+    first = parts[0]
+    _require_model(first, model)
+    seen = tuple(one for part in parts for one in part.seen)
+    if not seen:
+        raise SessionError(
+            f"no trial of {', '.join(map(str, paths))} has an outcome (void and revoked ones do not count): run `sixstrut trial`"
+        )
+    sources = tuple(source for part in parts for source in part.sources)
+    return Tries(sources, first.robot, first.virtual, first.library, seen, tuple(name for part in parts for name in part.names))
+
+
+def _require_model(tries: Tries, model: Model) -> None:
+    known = {model.hash, build_model(model.prototype, kind=PREVIOUS).hash}
+    if tries.library.model_hash not in known:
+        raise SessionError(
+            f"the gaits of {', '.join(tries.sources)} (library {tries.library.name}) are of model {tries.library.model_hash}, "
+            f"not of {model.hash}: give the --prototype that they were made for"
+        )
+
+
+def _session(path: Path) -> Tries:
+    told = read_told(path)
+    settings = told.folder.settings
+    placed = bool(settings.computed)
+    lines = told.valid
+    return _of_lines(path.name, settings.robot, settings.virtual_robot, told.folder.library, lines, placed)
+
+
+def _bag(path: Path, model: Model, library: str | None) -> Tries:
+    lines = lines_in_bag(path)
+    if lines:
+        shelf = load_library(library or lines[0].library)
+        revoked = {line.number for line in lines if line.event is Event.REVOKE}
+        valid = [line for line in lines if line.event is Event.TRIAL and line.number not in revoked]
+        foreign = [line for line in valid if line.library_hash != shelf.hash]
+        if foreign:
+            raise SessionError(
+                f"{path.name} has trials of library {foreign[0].library} ({foreign[0].library_hash}), not of {shelf.name} "
+                f"({shelf.hash}): give that file with --library"
+            )
+        valid = [line for line in valid if line.outcome in (Outcome.SUCCESS, Outcome.FAILURE)]
+        robots = {line.robot for line in valid} or {UNNAMED}
+        return _of_lines(path.name, ", ".join(sorted(robots)), all(line.virtual_robot for line in valid), shelf, valid, False)
+    return _unplanned(path, model, load_library(library or "robust"))
+
+
+def _of_lines(source: str, robot: str, virtual: bool, library: Library, lines: Sequence[Line], placed: bool) -> Tries:
+    seen = tuple(
+        Seen(
+            Roll(line.source, line.target, checked_policy(line.policy_mm, 10_000)),
+            line.outcome is Outcome.SUCCESS,
+            placed,
+        )
+        for line in lines
+    )
+    return Tries((source,), robot, virtual, library, seen, tuple(line.primitive for line in lines))
+
+
+def _unplanned(path: Path, model: Model, library: Library) -> Tries:
+    """A bag without records of trials: rolls that somebody asked for, with the faces that were seen."""
+    session = read_session(path, topics=TOPICS)
+    recorded = model_of(session).hash
+    if recorded != model.hash:
+        raise SessionError(f"{path.name} was recorded with model {recorded}, not {model.hash}: give its --prototype")
+    seen, names = [], []
+    for outcome in outcomes_of(session, model.prototype.strut_length_m):
+        gait = _gait(library, outcome.source, outcome.policy)
+        if gait is not None:
+            seen.append(Seen(Roll(gait[1], gait[2], checked_policy(outcome.policy, 10_000)), outcome.succeeded(gait[2]), False))
+            names.append(gait[0])
+    virtual = any(m.source == "prototype" for m in session.of("bridge/face"))
+    return Tries((path.name,), UNNAMED, virtual, library, tuple(seen), tuple(names))
+
+
+def _gait(library: Library, source: str | None, policy: tuple[int, ...]) -> tuple[str, str, str] | None:
+    """The library's gait from there with that policy; None: there is none."""
+    if source is None:
+        return None
+    for target in NEIGHBOURS[source]:
+        for gait in library.gaits(source, target):
+            if gait.policy == policy:
+                return gait.primitive.name, source, target
+    return None

@@ -1,0 +1,165 @@
+"""One travel of a virtual prototype through the whole stack: real processes, real bytes."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from hardware_bridge.prototype_client.observer_client import ObserverClient
+from hardware_bridge.recording.bag_reader import read_session
+from hardware_bridge.recording.bag_types import TOPICS
+from sim_core.structure.parameters import load_prototype
+from sim_core.structure.policy import neutral_lengths
+from tensegrity_lab.reports.figure import observed_path
+from tensegrity_lab.stack.processes import Stack, Uninterrupted
+from tensegrity_lab.stack.ros_domain import private_domain
+from tensegrity_lab.stack.simulation_lag import LateOrders
+from tensegrity_lab.stack.virtual_stack import VirtualRobot
+
+ROLL_LIMIT_S, REST_LIMIT_S = 60.0, 1_300.0
+"""Robot time that a roll may take, and all resting."""
+POINTS = 200
+"""Of a path that is kept."""
+
+
+@dataclass(frozen=True)
+class Trip:
+    """A travel that is over; see the action Travel.
+
+    Attributes:
+        goal_m: place. library: name. use_odds: reliable gaits were preferred.
+        late_s: how late the virtual prototype took its orders at worst (s of robot time). time_scale: robot seconds per second.
+        path_m: how far its centre went from rest to rest. places_m: where that was seen, (n, 2).
+        seed, incline_deg, perturbation: of the robot. bag: file.
+    """
+
+    goal_m: tuple[float, float]
+    library: str
+    use_odds: bool
+    seed: int
+    incline_deg: float
+    perturbation: float
+    success: bool
+    reason: str
+    rolls: int
+    missed: int
+    left_m: float
+    path_m: float
+    straight_m: float
+    robot_s: float
+    faces: tuple[str, ...]
+    late_s: float
+    time_scale: float
+    places_m: tuple[tuple[float, float], ...]
+    bag: str
+
+    @property
+    def ratio(self) -> float:
+        """Length of the path over the distance that was won; 1 is straight."""
+        won = self.straight_m - self.left_m
+        return self.path_m / won if won > 0.0 else float("inf")
+
+
+def travel(
+    robot: VirtualRobot,
+    goal_m: tuple[float, float],
+    folder: Path,
+    tell: Callable[[str], None],
+    reach_m: float = 0.0,
+    most_rolls: int = 0,
+    use_odds: bool = True,
+    domain: int | None = None,
+    say: Callable[[str], None] = lambda line: None,
+) -> Trip:
+    """Start a stack, arm, travel, end it all.
+
+    Args:
+        folder: for links and state. tell: told what goes on. reach_m, most_rolls: 0: the traveller's.
+        domain: of ROS; None: any that is free. say: told a line for people that is to stay.
+
+    Raises:
+        StackError: the stack does not come up, or a process of it dies. KeyboardInterrupt: with the struts held and the bag closed.
+    """
+    robot.require()
+    robot.bags.mkdir(parents=True, exist_ok=True)
+    late = LateOrders()
+    with private_domain(domain) as own:
+        say(own.words)
+        tell("starting virtual prototype, bridge, planner, traveller and twin")
+        stack = Stack(robot.bags / "logs" / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}", *own.locks)
+        try:
+            handshake = robot.start(stack, folder, travels=True, planner=[("use_odds", use_odds)])
+            with closing(ObserverClient(handshake.observer, late.saw)):
+                result, bag = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
+        finally:
+            with Uninterrupted() as ending:
+                stack.stop()
+    if ending.interrupted:  # a study would go on with its next trip
+        raise KeyboardInterrupt
+    return Trip(
+        goal_m,
+        robot.library,
+        use_odds,
+        robot.seed,
+        robot.incline_deg,
+        robot.perturbation,
+        bool(result.success),
+        str(result.reason),
+        int(result.rolls),
+        int(result.missed),
+        float(result.left_m),
+        float(result.path_m),
+        float(result.straight_m),
+        float(result.duration_s),
+        tuple(result.face_sequence),
+        late.worst_s,
+        robot.time_scale,
+        _places(bag),
+        bag,
+    )
+
+
+def _operate(
+    stack: Stack,
+    prototype: str,
+    robot: VirtualRobot,
+    late: LateOrders,
+    goal_m: tuple[float, float],
+    reach_m: float,
+    most_rolls: int,
+    tell: Callable[[str], None],
+) -> tuple[Any, str]:
+    from tensegrity_lab.stack.operator_client import Operator  # rclpy: only once the processes are on their way
+
+    operator = Operator(stack, prototype)
+    try:
+        operator.wait_for_stack()
+        tell("arming: the struts are energised one by one, then go to mid stroke")
+        operator.arm(neutral_lengths(load_prototype()).tolist())
+
+        def show(feedback: Any) -> None:
+            where = f"on {feedback.face or 'no face'} at {feedback.x_m:+.2f}, {feedback.y_m:+.2f} m"
+            tell(f"roll {feedback.rolls + 1}: {feedback.phase}; {where}, {100 * feedback.left_m:.0f} cm from the goal")
+
+        limit_s = 120.0 + ((most_rolls or 60) * ROLL_LIMIT_S + REST_LIMIT_S) / robot.time_scale
+        late.forget()  # while the stack starts, a computer is always busy
+        result = operator.travel(goal_m, reach_m, most_rolls, show, limit_s)
+        bag = str(operator.bridge.bag)
+        operator.disarm()
+        return result, bag
+    finally:
+        with Uninterrupted():
+            operator.close()
+
+
+def _places(bag: str) -> tuple[tuple[float, float], ...]:
+    """Where the observer saw the robot's centre, thinned out."""
+    _, joints = observed_path(read_session(bag, topics=TOPICS), 0.0)
+    centers = joints.mean(axis=1)[:, :2].tolist() if len(joints) else []
+    thin = max(1, len(centers) // POINTS)
+    return tuple((round(x, 4), round(y, 4)) for x, y in centers[::thin])

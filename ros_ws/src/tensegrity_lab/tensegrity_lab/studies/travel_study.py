@@ -1,0 +1,199 @@
+"""Travels to random goals, on level ground and on a slope, with travellers that know odds and with one that does not."""
+
+from __future__ import annotations
+
+import json
+import math
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from sim_core.files.bounded_reader import read_text
+from tensegrity_lab.stack.simulation_lag import LATE_S
+from tensegrity_lab.stack.virtual_stack import VirtualRobot
+from tensegrity_lab.studies.travel import Trip, travel
+
+DISTANCE_M = 1.0
+SLOPE_DEG = 3.0
+TRIPS = "trips.jsonl"
+TRAVELLERS = (("robust", True), ("robust", False))
+"""(library, knows odds). On level ground the gaits of `robust` hardly differ, uphill they do: there odds show their worth."""
+Key = tuple[int, float, str, bool]
+
+INTRODUCTION = """\
+# Travel
+
+`./sixstrut travel 0.6,0.3` starts a stack and rolls the virtual prototype to a place on the floor. In a running stack the node
+`traveller` offers the action `travel` and listens to `goal_pose` (RViz's *2D Goal Pose*): it plans the likeliest sequence of rolls
+(A* over stances by −log odds and length, `sim_core/sim_core/planning/floor_planner.py`), asks the planner for the first one,
+looks where the robot rests, and plans anew. On hardware without an observer every roll waits for `set_face`. It knows how steep
+each primitive climbs with actuators that feel their load (`./sixstrut climb`), and it learns from its own rolls
+(`sim_core/planning/travel_learning.py`): a miss makes the gait less believed, its primitive and the roll's other gaits a little,
+and all rolls in that direction, as it is on a slope, most those by gaits that climb little: so the next way takes steeper
+climbers, or goes around. It gives up with a reason: too many rolls, no roll left that is likely to work, ten misses in a row, no
+face, no way, or what planner or bridge refuse.
+"""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One row of the study."""
+
+    number: int
+    goal_m: tuple[float, float]
+    incline_deg: float
+    library: str
+    use_odds: bool
+
+    @property
+    def key(self) -> Key:
+        return self.number, self.incline_deg, self.library, self.use_odds
+
+    @property
+    def group(self) -> tuple[float, str, bool]:
+        """Ground and traveller."""
+        return self.incline_deg, self.library, self.use_odds
+
+
+def cases_of(goals: int, seed: int, distance_m: float = DISTANCE_M, slope_deg: float = SLOPE_DEG) -> list[Case]:
+    """Every goal on both floors with every traveller; directions drawn by the seed. The robot of a goal is always the same.
+
+    What is compared comes together, so that a study that is ended early has something to compare.
+    """
+    angles = np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi, goals)
+    places = [(round(distance_m * math.cos(a), 3), round(distance_m * math.sin(a), 3)) for a in angles]
+    floors = (0.0, slope_deg)
+    return [Case(n, place, deg, *who) for deg in floors for n, place in enumerate(places, 1) for who in TRAVELLERS]
+
+
+MOST_BYTES = 256_000_000
+"""Of the file of all trips."""
+
+
+def groups_of(cases: Iterable[Case]) -> list[tuple[float, str, bool]]:
+    """Ground and traveller, in the order of the page."""
+    return sorted({case.group for case in cases}, key=lambda group: (group[0], TRAVELLERS.index(group[1:])))
+
+
+def words_of(group: tuple[float, str, bool]) -> tuple[str, str]:
+    """Ground and traveller, for people."""
+    deg, library, odds = group
+    return f"inclined by {deg:g}°" if deg else "level", f"{library}, {'knows odds' if odds else 'ignores odds'}"
+
+
+def read_trips(folder: Path) -> dict[Key, Trip]:
+    """The trips that a folder holds, by case; a last line that was cut short is none."""
+    found = {}
+    path = folder / TRIPS
+    for line in read_text(path, MOST_BYTES).splitlines() if path.exists() else ():
+        try:
+            row = json.loads(line)
+        except (ValueError, RecursionError):
+            continue
+        number = row.pop("number")
+        for name in ("goal_m", "faces"):
+            row[name] = tuple(row[name])
+        row["places_m"] = tuple((x, y) for x, y in row["places_m"])
+        trip = Trip(**row)
+        found[number, trip.incline_deg, trip.library, trip.use_odds] = trip
+    return found
+
+
+def study(
+    cases: Sequence[Case], robot: VirtualRobot, folder: Path, tell: Callable[[str], None], done: Callable[[str], None]
+) -> None:
+    """Make every trip that the folder does not hold yet, each with a stack of its own. Goes on where it was stopped.
+
+    A trip whose robot took its orders too late is none: it is made again, and all after it, at half the time scale.
+
+    Args:
+        robot: its seed is that of the first goal. tell: told what goes on. done: told of each trip that is over.
+
+    Raises:
+        StackError, OSError.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    known = read_trips(folder)
+    for count, case in enumerate(cases, start=1):
+        if case.key not in known:
+            head = f"{count} of {len(cases)}, goal {case.number}, {', '.join(words_of(case.group))}: "
+            seed = robot.seed + case.number - 1
+            own = replace(robot, seed=seed, incline_deg=case.incline_deg, library=case.library, bags=folder)
+            trip = _trip(own, case, lambda text, head=head: tell(head + text))  # type: ignore[misc]
+            while trip.late_s > LATE_S and own.time_scale > 1.0:
+                robot, own = (replace(one, time_scale=max(1.0, one.time_scale / 2.0)) for one in (robot, own))
+                done(f"{head}orders {trip.late_s:.1f} s of robot time late: again, at {own.time_scale:g} times real time")
+                trip = _trip(own, case, lambda text, head=head: tell(head + text))  # type: ignore[misc]
+            with (folder / TRIPS).open("a", encoding="utf-8") as file:
+                file.write(json.dumps({"number": case.number, **asdict(trip)}) + "\n")
+            end = "arrived" if trip.success else trip.reason
+            done(f"{head}{end}; {trip.rolls} rolls, {trip.missed} missed")
+
+
+def _trip(robot: VirtualRobot, case: Case, tell: Callable[[str], None]) -> Trip:
+    with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links:
+        return travel(robot, case.goal_m, Path(links), tell, use_odds=case.use_odds)
+
+
+def summary_of(trips: Sequence[Trip]) -> str:
+    """A row of the table: arrived, rolls, missed, robot time, path ratio of those that arrived."""
+    arrived = [trip for trip in trips if trip.success]
+    rolls, missed = sum(trip.rolls for trip in trips), sum(trip.missed for trip in trips)
+    head = f"{len(arrived)} of {len(trips)} | {rolls} | {missed} ({100 * missed / max(1, rolls):.0f} %)"
+    if not arrived:
+        return f"{head} | – | – | –"
+    each = np.mean([trip.rolls for trip in arrived])
+    time_s = np.mean([trip.robot_s for trip in arrived])
+    return f"{head} | {each:.1f} | {time_s:.0f} s | {np.mean([trip.ratio for trip in arrived]):.2f}"
+
+
+def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: str, picture: str) -> str:
+    """The page, as Markdown. Args: left: how many travels are still to be made."""
+    rows = [
+        f"| {' | '.join(words_of(group))} | {summary_of([trip for case, trip in found.items() if case.group == group])} |"
+        for group in groups_of(found)
+    ]
+    each = [_row(case, trip) for case, trip in found.items()]
+    scales = sorted({f"{trip.time_scale:g}" for trip in found.values()}, key=float)
+    goals = len({case.number for case in found})
+    lines = [
+        INTRODUCTION,
+        f"This page is written by `{command}`; do not edit it, run the command again.",
+        "**All travels are virtual**, through the whole stack: planner, bridge, board's bytes, and a virtual prototype with hidden",
+        "errors.",
+        *([f"**{len(found)} travels of {len(found) + left}**, so far: the same command goes on."] if left else []),
+        "",
+        f"{goals} goals at {DISTANCE_M:g} m in directions drawn by a seed, each for a robot of its own at",
+        f"±{100 * robot.perturbation:g} % with {robot.actuators} actuators; every goal on level ground and on ground inclined by",
+        f"{SLOPE_DEG:g}° in a direction drawn by the robot's seed, of which planner and traveller know nothing. Two travellers:",
+        "as it is, with the library `robust`, and for comparison one that takes all its gaits for equally likely, takes them in",
+        "turn, and learns nothing (`use_odds:=false`).",
+        f"{' or '.join(scales)} times real time; a travel whose prototype took its orders more than {LATE_S:g} s of robot time",
+        "late, because the computer was busy, was made again at a slower pace.",
+        "",
+        "| ground | traveller | arrived | rolls | missed | rolls of an arrival | rolling time of an arrival | path ratio |",
+        "|---|---|--:|--:|--:|--:|--:|--:|",
+        *rows,
+        "",
+        "*Rolling time* is robot time from first to last move of all rolls; resting for the actuators' duty is not counted.",
+        "*Path ratio* is the way from rest to rest over the distance won; the robot rolls over triangles, so 1 cannot be reached.",
+        "",
+        f"![paths of all travels on level and on inclined ground]({picture})",
+        "",
+        "## Every travel",
+        "",
+        "| goal | at (m) | incline | traveller | end | rolls | missed | left | rolling time |",
+        "|--:|---|--:|---|---|--:|--:|--:|--:|",
+        *each,
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _row(case: Case, trip: Trip) -> str:
+    where = f"{case.goal_m[0]:+.2f}, {case.goal_m[1]:+.2f} | {case.incline_deg:g}°"
+    end = "arrived" if trip.success else trip.reason
+    counts = f"{trip.rolls} | {trip.missed} | {100 * trip.left_m:.0f} cm | {trip.robot_s:.0f} s"
+    return f"| {case.number} | {where} | {words_of(case.group)[1]} | {end} | {counts} |"

@@ -1,0 +1,149 @@
+"""A session's panel shown elsewhere, and keys pressed there: for the console in the browser.
+
+What is pressed there counts as pressed at the terminal, so nothing of a session can tell them apart. A key is the answer to what a
+panel showed and names it by an id that is used once: keys of a bag that is played, of a page that shows an older panel, or pressed
+twice, are none.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import secrets
+import threading
+from contextlib import suppress
+from dataclasses import asdict
+from types import TracebackType
+from typing import Any
+
+from tensegrity_lab.terminal.keys import ENTER
+from tensegrity_lab.trials.panel import Panel, Shown
+
+PANEL_TOPIC, KEY_TOPIC = "trial/panel", "trial/key"
+_BYTES = {ENTER: b"\r"}
+KNOWN = frozenset("yvnuqpm0123456789")
+LONGEST = 200
+"""Characters of a key's message."""
+
+
+def key_text(key: str, panel: str) -> str:
+    """What is published for a key. Args: panel: id of the panel that it answers."""
+    return json.dumps({"panel": panel, "key": key})
+
+
+def key_of(text: str) -> tuple[str, str]:
+    """Key and panel's id of what was published; empty texts: it is no such message."""
+    try:
+        told = json.loads(text) if len(text) <= LONGEST else None
+    except (ValueError, RecursionError):
+        told = None
+    if not isinstance(told, dict):
+        return "", ""
+    key, panel = told.get("key"), told.get("panel")
+    return (key, panel) if isinstance(key, str) and isinstance(panel, str) else ("", "")
+
+
+class Remote:
+    """A node of its own beside the session: publishes the panel, and writes the keys that it hears into a pipe.
+
+    Attributes:
+        keys_from: descriptor to read keys from, as from a terminal.
+    """
+
+    def __init__(self) -> None:
+        import rclpy
+        from rclpy.context import Context
+        from rclpy.executors import SingleThreadedExecutor
+        from rclpy.node import Node
+        from rclpy.signals import SignalHandlerOptions
+        from std_msgs.msg import String
+
+        from tensegrity_robot.ros import qos
+        from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+
+        os.environ.update(discovery_changes(os.environ, loopback_profile()))
+        self.keys_from, self._keys_to = os.pipe()
+        self._string = String
+        self._lock = threading.Lock()
+        self._shown: Shown | None = None
+        self._id = ""
+        self._warned = False
+        self._context = Context()
+        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._node = Node("sixstrut_trial", context=self._context)
+        self._panel = self._node.create_publisher(String, PANEL_TOPIC, qos.LATCHED)
+        self._node.create_subscription(String, KEY_TOPIC, self._on_key, qos.STATES)
+        self._executor = SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        self._thread = threading.Thread(target=self._spin, name="remote", daemon=True)
+        self._thread.start()
+
+    def _spin(self) -> None:
+        from rclpy.executors import ExternalShutdownException
+
+        with suppress(ExternalShutdownException):
+            self._executor.spin()
+
+    def _on_key(self, message: Any) -> None:
+        key, panel = key_of(str(message.data))
+        with self._lock:
+            meant = panel != "" and panel == self._id and (key in _BYTES or key in KNOWN)
+            if meant:
+                os.write(self._keys_to, _BYTES.get(key, key.encode()))
+                self._id = secrets.token_urlsafe(9)  # one answer a question: what was pressed twice was pressed once
+                self._publish()
+        if not meant and not self._warned:
+            self._warned = True
+            self._node.get_logger().warning(
+                f"a key on {KEY_TOPIC} answers no panel of this session: ignored, as all such are; is a bag being played beside it?"
+            )
+
+    def show(self, shown: Shown | None) -> None:
+        """Publish what is on the panel; None: the session is over."""
+        with self._lock:
+            before, self._shown = self._shown, shown
+            asked = lambda one: (one.question, one.keys) if one is not None else None  # noqa: E731
+            if asked(before) != asked(shown):
+                self._id = secrets.token_urlsafe(9) if shown is not None else ""
+            self._publish()
+
+    def _publish(self) -> None:
+        shown = "" if self._shown is None else json.dumps(asdict(self._shown) | {"panel": self._id})
+        self._panel.publish(self._string(data=shown))
+
+    def close(self) -> None:
+        """Say that the session is over, and leave ROS."""
+        import rclpy
+        from rclpy.duration import Duration
+
+        self.show(None)
+        self._panel.wait_for_all_acked(Duration(seconds=1.0))
+        self._executor.shutdown()
+        self._thread.join(5.0)
+        self._node.destroy_node()
+        rclpy.try_shutdown(context=self._context)
+        os.close(self._keys_to)
+        os.close(self.keys_from)
+
+
+class Mirrored:
+    """A panel that is also shown elsewhere."""
+
+    def __init__(self, panel: Any, remote: Remote):
+        self._panel, self._remote = panel, remote
+
+    def __enter__(self) -> Panel:
+        self._panel.__enter__()
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self._panel.__exit__(kind, error, trace)
+
+    def show(self, **changes: Any) -> None:
+        """See Panel."""
+        self._panel.show(**changes)
+        self._remote.show(self._panel.shown)
+
+    def line(self, text: str) -> None:
+        """See Panel."""
+        self._panel.line(text)
