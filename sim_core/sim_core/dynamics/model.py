@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.stability import largest_stable_step_s
 from sim_core.errors import ModelError, UnstableStepError
-from sim_core.structure.elements import IMPROVED, KINDS, Array, Elements, elements_of, previous_elements_of
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import IMPROVED, KINDS, Elements, elements_of, previous_elements_of
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.rotations import norm, rotated
 from sim_core.structure.topology import TENDONS

@@ -12,7 +12,7 @@ from sim_core.dynamics.support import Footing, clearance_m, judge_footing
 from sim_core.errors import DivergedError
 from sim_core.rolling import quasi_static as q
 from sim_core.rolling import roll_monitor as w
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.policy import neutral_lengths
 from sim_core.structure.rotations import (
     about_z,

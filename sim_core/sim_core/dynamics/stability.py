@@ -7,7 +7,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from sim_core.dynamics import vfife as k
-from sim_core.structure.elements import Array, Elements
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import Elements
 from sim_core.structure.rotations import quaternion_of
 
 NO_GROUND = -1e9

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_core.dynamics.jit_cache import njit
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.topology import FACES, STRUTS
 
 STRUT_ENDS = np.array(STRUTS, dtype=np.int32)

@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 
 from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.simd import add_to, any_of, larger, load, root, select, smaller, store
+from sim_core.structure.topology import JOINTS, POINTS_PER_JOINT
 
 # Rows of one particle in `state`: position, half-step velocity, orientation quaternion (w x y z), half-step spatial spin.
 X, V, Q, S, PARTICLE_ROWS = 0, 3, 6, 10, 13
@@ -57,8 +58,6 @@ R, F, M, NORMAL, WORK_ROWS = 0, 9, 12, 15, 16
 # A division by zero gives an infinity, as it does in a lane, not an exception.
 _compiled = njit(cache=True, error_model="numpy")
 
-JOINTS = 12
-POINTS_PER_JOINT = 5
 CONTACTS = JOINTS * POINTS_PER_JOINT
 
 

@@ -16,7 +16,7 @@ from sim_core.dynamics.model import Model, build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.stability import ground_stiffness, mass_diagonal, stiffness
 from sim_core.errors import ModelError
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 
 REFERENCE_FACE = "TC6"

@@ -21,7 +21,7 @@ from scipy.special import expit, logit
 from sim_core.gaits.climb_limits import usual_deg
 from sim_core.gaits.library import Gait
 from sim_core.planning.floor_planner import LEVEL
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 
 SPREAD_ALL, SPREAD_PRIMITIVE, SPREAD_ROLL, SPREAD_GAIT = 0.7, 1.0, 0.7, 1.5
 """Standard deviations of the effects, in logits, before any roll."""

@@ -24,7 +24,8 @@ from sim_core.rolling import quasi_static as q
 from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.roll import RollResult, face_number, result_of, rules_of, samples_of, tolerance_of
 from sim_core.rolling.roll_monitor import SAMPLE_S
-from sim_core.structure.elements import PREVIOUS, Array
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import PREVIOUS
 from sim_core.structure.policy import Policy, lengths_of, neutral_lengths
 
 

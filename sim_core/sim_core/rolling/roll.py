@@ -14,7 +14,8 @@ from sim_core.dynamics.support import FACE_NAMES, Footing, footing_of
 from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.quasi_static import RESIDUAL
 from sim_core.rolling.roll_monitor import SAMPLE_S
-from sim_core.structure.elements import PREVIOUS, Array
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import PREVIOUS
 from sim_core.structure.policy import Policy, checked_policy, lengths_of
 from sim_core.structure.rotations import down_of
 from sim_core.structure.topology import FACES, NEIGHBOURS, TENDON_LENGTH, require_adjacent

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.support import FACE_JOINTS, FACE_OF_JOINTS, STRUT_ENDS, base, clearance, past_edges
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 
 SAMPLE_S = 0.01
 """Footing, clearance and rest are looked at this often. Strut forces are watched at every step."""

@@ -18,7 +18,8 @@ import numpy as np
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import SETTLE_ZETA_1_S, Robot
 from sim_core.errors import DivergedError, SimError
-from sim_core.structure.elements import Array, elements_of
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import elements_of
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.topology import STRUTS, TENDONS
 

@@ -10,13 +10,10 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_core.dynamics.vfife import POINTS_PER_JOINT
+from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.rotations import dot, norm, rotated, unit
-from sim_core.structure.topology import NODES, STRUTS, TENDONS
-
-Array = NDArray[np.float64]
-
+from sim_core.structure.topology import NODES, POINTS_PER_JOINT, STRUTS, TENDONS
 
 IMPROVED, PREVIOUS = "improved", "previous"
 """The paper's two models."""

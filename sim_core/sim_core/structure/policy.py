@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim_core.errors import PolicyError
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 
 Policy = tuple[int, int, int, int, int, int]

@@ -13,6 +13,9 @@ import numpy as np
 
 from sim_core.errors import NotAdjacentError, UnknownFaceError
 
+JOINTS, POINTS_PER_JOINT = 12, 5
+"""Joints, and the corners of each that may touch the ground."""
+
 NODES = np.array(
     [
         [0, 0.25, 0.5],

@@ -18,7 +18,7 @@ from sim_core.dynamics.model import Model
 from sim_core.errors import ModelError, ParameterError
 from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.policy import Policy
 from sim_core.studies.tasks import Report, silent
 from sim_core.uncertainty import importance_weights as bayes

@@ -10,7 +10,7 @@ from sim_core.dynamics.model import Model
 from sim_core.gaits.library import Gait, Library, Primitive, gait_of
 from sim_core.gaits.success_probability import load_odds
 from sim_core.planning.face_graph import FaceGraph
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.ensemble_fit import Fit, Roll, Seen, wins_of
 from sim_core.studies.tasks import Report, silent

@@ -17,10 +17,11 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_core.dynamics.model import Model, build_model
-from sim_core.dynamics.vfife import JOINTS, POINTS_PER_JOINT
 from sim_core.errors import ParameterError
-from sim_core.structure.elements import PREVIOUS, Array, Elements
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import PREVIOUS, Elements
 from sim_core.structure.rotations import rotated
+from sim_core.structure.topology import JOINTS, POINTS_PER_JOINT
 from sim_core.uncertainty.sampling import DESIGNS, INDEPENDENT, correlated, unit_rows
 from sim_core.uncertainty.seeded_perturbation import MAX_SCALE
 

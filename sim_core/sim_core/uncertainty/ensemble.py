@@ -14,7 +14,7 @@ import yaml
 from sim_core.dynamics.model import Model
 from sim_core.errors import SimError, YamlError, brief, one_line
 from sim_core.files.yaml_reader import read_yaml
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.uncertainty.importance_weights import effective_size, systematic
 from sim_core.uncertainty.robot_prior import Member, member_model
 

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from scipy.special import logsumexp
 
 from sim_core.errors import SimError
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 
 LAPSE = 0.03
 """Probability that a trial comes out other than the very robot would have it: a trip, a misread face."""

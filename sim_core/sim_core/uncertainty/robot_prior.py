@@ -16,7 +16,7 @@ from scipy.special import ndtr
 
 from sim_core.dynamics.model import Model, build_model
 from sim_core.errors import ParameterError
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.uncertainty.distribution import GROUPS, Law, errors_of
 
 NOISE_GROUPS = ("stiffness", "rest_length", "mass")

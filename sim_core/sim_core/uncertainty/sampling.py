@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 
 INDEPENDENT, SOBOL = "independent", "sobol"
 DESIGNS = (INDEPENDENT, SOBOL)

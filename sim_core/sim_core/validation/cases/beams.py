@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from sim_core.dynamics import vfife as k
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 from sim_core.validation.harness.case import Case, Curve, Picture, Setting, curve
 from sim_core.validation.harness.run import Run, angular_frequency, ready

@@ -10,7 +10,8 @@ import numpy as np
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
-from sim_core.structure.elements import Array, Elements
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import Elements
 from sim_core.structure.parameters import Prototype
 from sim_core.validation.harness.case import Case, Picture, Setting, curve
 from sim_core.validation.harness.run import Run

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from sim_core.dynamics import vfife as k
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.rotations import matrix_of
 from sim_core.validation.cases.free_body import OWN_SPIN_RAD_S, tumbling
 from sim_core.validation.harness.case import Case, Picture, Setting, curve

@@ -10,7 +10,7 @@ import numpy as np
 
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.model import build_model
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.rotations import matrix_of
 from sim_core.validation.harness.case import Case, Picture, Setting, curve

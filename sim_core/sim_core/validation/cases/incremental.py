@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 
 from sim_core.dynamics import vfife as k
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.validation.cases.free_body import tumbling
 from sim_core.validation.harness.case import Case, Picture, Setting, curve
 from sim_core.validation.harness.run import Run

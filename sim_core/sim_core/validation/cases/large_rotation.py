@@ -13,7 +13,7 @@ from functools import lru_cache
 import numpy as np
 from scipy.special import ellipeinc, ellipkinc
 
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 from sim_core.validation.harness.case import Case, Picture, Setting, curve
 from sim_core.validation.harness.run import Run, ready

@@ -14,7 +14,8 @@ from sim_core.dynamics.vibration_modes import REFERENCE_FACE, first_frequency_hz
 from sim_core.errors import LibraryError
 from sim_core.gaits.library import load_library
 from sim_core.rolling.batch import aligned_rows
-from sim_core.structure.elements import Array, elements_of
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import elements_of
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import lengths_of
 from sim_core.structure.symmetry import GROUP, REFERENCE_TC, REFERENCE_TO

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from sim_core.structure.elements import Array, Elements
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import Elements
 
 Numbers = NDArray[Any]
 """Real or complex."""

@@ -13,7 +13,8 @@ from sim_core.dynamics.model import STEP_MARGIN, Model, build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.stability import NO_GROUND
 from sim_core.errors import UnstableStepError
-from sim_core.structure.elements import Array, Elements
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import Elements
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.rotations import matrix_of
 

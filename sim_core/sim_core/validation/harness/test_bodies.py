@@ -9,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_core.dynamics import vfife as k
-from sim_core.structure.elements import Array, Elements, elements_of
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import Elements, elements_of
 from sim_core.structure.parameters import Prototype
 
 CLAMP = 1e12

@@ -10,7 +10,7 @@ import numpy as np
 from sim_core.dynamics.model import Model, build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.planning.floor_planner import Floor, Stance
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.topology import FACES, NEIGHBOURS
 from tensegrity_console.web.state import Facts, Selection

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from sim_core.planning.floor_planner import Stance
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.topology import FACES, STRUTS, TENDONS
 from tensegrity_console.web.floor_clicks import Ground
 from tensegrity_console.web.state import Facts, Selection

@@ -32,7 +32,7 @@ from sim_core.gaits.success_probability import load_odds
 from sim_core.planning.floor_planner import REACH_M, Floor, Stance
 from sim_core.planning.travel import End as JourneyEnd
 from sim_core.planning.travel import Journey, Rules, Step
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.live_bridge import FRESH_S, LiveBridge, age_s, is_fresh
 from tensegrity_interfaces.action import Roll, Travel

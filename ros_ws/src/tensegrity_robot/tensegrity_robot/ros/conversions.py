@@ -9,7 +9,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from sim_core.dynamics.robot import Robot
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.rotations import quaternion_of
 from sim_core.structure.topology import TENDONS
 from sim_core.twin.follower import Observed, Sent

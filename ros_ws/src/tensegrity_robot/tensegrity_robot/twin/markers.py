@@ -8,7 +8,7 @@ from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from sim_core.dynamics.robot import Robot
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.topology import FACES, STRUTS, TENDONS
 from tensegrity_robot.ros.conversions import point, pose
 

@@ -17,7 +17,7 @@ from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.simd import ALIGNMENT, WIDTH
 from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import Policy, lengths_of
 

@@ -15,7 +15,7 @@ from numba import njit, typeof, types
 
 from sim_core.dynamics import simd, vfife
 from sim_core.dynamics.model import Model
-from sim_core.structure.elements import Array
+from sim_core.structure.arrays import Array
 
 ARITHMETIC = ("add", "multiply", "divide", "root")
 MEMORY = ("load", "store")

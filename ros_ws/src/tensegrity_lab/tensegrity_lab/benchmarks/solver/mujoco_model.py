@@ -20,7 +20,8 @@ from typing import Any
 import numpy as np
 
 from sim_core.dynamics.vfife import JOINTS, POINTS_PER_JOINT
-from sim_core.structure.elements import IMPROVED, Array, Elements
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import IMPROVED, Elements
 from sim_core.structure.rotations import quaternion_of
 from sim_core.structure.topology import STRUTS
 
