@@ -12,7 +12,6 @@ from dataclasses import replace
 from pathlib import Path
 
 from hardware_bridge.boards.board import Board
-from hardware_bridge.boards.compatibility import require_fit
 from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.boards.maestro import timeout_s
 from hardware_bridge.calibration.pulse_map import STRUTS
@@ -25,6 +24,7 @@ from hardware_bridge.link.board_link import Link
 from hardware_bridge.link.transport import SerialTransport
 from hardware_bridge.prototype_client.handshake import Handshake, agree_on_board, agree_on_time_scale, examine, require_same_pty
 from hardware_bridge.safety.command_age import Age
+from hardware_bridge.safety.compatibility import require_fit
 from hardware_bridge.safety.duty_cycle import returns
 from hardware_bridge.safety.homing import homing_path, known_pulses
 from hardware_bridge.safety.limit_checks import SHAPE_STEP_M, Rules, check_homing, check_trajectory

@@ -8,12 +8,9 @@ import numpy as np
 
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.model import Model
-from sim_core.dynamics.support import Footing, clearance_m, judge_footing
+from sim_core.dynamics.support import Footing, center_of_mass, clearance_m, judge_footing
 from sim_core.errors import DivergedError
-from sim_core.rolling import quasi_static as q
-from sim_core.rolling import roll_monitor as w
 from sim_core.structure.arrays import Array
-from sim_core.structure.policy import neutral_lengths
 from sim_core.structure.rotations import (
     about_z,
     best_fit,
@@ -96,6 +93,10 @@ class Robot:
     def rows(self) -> tuple[Array, Array]:
         """The kernel's state and work rows of this robot (copies)."""
         return self._state.copy(), self._work.copy()
+
+    def arrays(self) -> tuple[Array, Array]:
+        """The kernel's state and work rows themselves, for compiled code that goes on with this robot in place."""
+        return self._state, self._work
 
     @property
     def _particles(self) -> Array:
@@ -188,7 +189,7 @@ class Robot:
     def center_of_mass_m(self) -> Array:
         """(3,)."""
         center = np.empty(3)
-        w.center_of_mass(self._state, self.model.elements.mass_kg, center)
+        center_of_mass(self._state, self.model.elements.mass_kg, center)
         return center
 
     def rest_lengths_m(self) -> Array:
@@ -233,27 +234,6 @@ class Robot:
         """Smallest gap between surfaces of struts, and of struts and box, now."""
         p = self.model.prototype
         return clearance_m(self.joints_m(), self.box_m(), p.strut_diameter_m, p.box_radius_m)
-
-    def begin_watch(self, record: Array, rules: w.Rules, source: int, aim: int) -> None:
-        """Start the record of a roll; see `watch.begin`."""
-        neutral = self.model.rest_lengths(neutral_lengths(self.model.prototype))
-        w.begin(self._state, self._work, record, rules, self.model.layout.struts, source, aim, neutral)
-
-    def look(self, record: Array, rules: w.Rules) -> None:
-        """One sample of a roll; see `watch.look`. May send the struts back to neutral."""
-        w.look(self._state, self._work, record, rules, self.model.layout.struts)
-
-    def begin_relaxing(self) -> Array:
-        """Take the first step of the struts' lengths towards their targets; the track that `relax` needs. See `relax`."""
-        q.step_lengths(self._state, self.model.layout.struts)
-        return np.zeros(q.TRACK_ROWS)
-
-    def relax(self, track: Array, record: Array, rules: w.Rules, tolerance: float) -> None:
-        """One look's worth of relaxation, and the look; see `relax.look`."""
-        m = self.model
-        q.relax(self._state, m.par, self._work, track, m.assembly, m.dt_s, m.reach_m, q.LOOK_STEPS)
-        self.step += q.LOOK_STEPS
-        q.look(self._state, self._work, track, record, rules, m.layout.struts, tolerance)
 
     def is_slow(self) -> bool:
         """Every joint is slower than the rest speed now."""

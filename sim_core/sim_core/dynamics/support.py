@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_core.dynamics import vfife as k
 from sim_core.dynamics.jit_cache import njit
 from sim_core.structure.arrays import Array
 from sim_core.structure.topology import FACES, STRUTS
@@ -46,6 +47,19 @@ class Footing(NamedTuple):
     detail: str
     joints: tuple[int, ...]
     margin_m: float
+
+
+@njit(cache=True)
+def center_of_mass(state, mass, out):
+    """Write the centre of mass into `out` (3,)."""
+    total = 0.0
+    out[0], out[1], out[2] = 0.0, 0.0, 0.0
+    for p in range(mass.shape[0]):
+        total += mass[p]
+        for axis in range(3):
+            out[axis] += mass[p] * state[p * k.PARTICLE_ROWS + k.X + axis]
+    for axis in range(3):
+        out[axis] /= total
 
 
 @njit(cache=True)

@@ -6,14 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.support import FACE_NAMES, Footing, footing_of
 from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.quasi_static import RESIDUAL
 from sim_core.rolling.roll_monitor import SAMPLE_S
+from sim_core.rolling.roll_stepper import RollStepper
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import PREVIOUS
 from sim_core.structure.policy import Policy, checked_policy, lengths_of
@@ -109,19 +108,14 @@ def follow_policy(robot: Robot, source: str, target: str | None, policy: Policy,
     model = robot.model
     rules = rules_of(model)
     chunk = samples_of(model, SAMPLE_S)
-    record = np.zeros(w.RECORD)
-    robot.begin_watch(record, rules, face_number(source), -1 if target is None else face_number(target))
+    aim = -1 if target is None else face_number(target)
+    stepper = RollStepper(robot, rules, face_number(source), aim, tolerance_of(model))
     robot.set_targets(lengths_of(model.prototype, policy))
-    track = robot.begin_relaxing() if model.kind == PREVIOUS else None
-    while record[w.PHASE] in (w.ACTUATING, w.RETURNING):
-        if track is not None:
-            robot.relax(track, record, rules, tolerance_of(model))
-        else:
-            robot.advance(chunk)
-            robot.look(record, rules)
+    while stepper.going_on:
+        stepper.step(chunk)
         if trace is not None:
             trace.append(sample(robot))
-    return result_of(model, source, policy, record, robot.peak_forces_n(), robot.center_of_mass_m())
+    return result_of(model, source, policy, stepper.record, robot.peak_forces_n(), robot.center_of_mass_m())
 
 
 def rules_of(model: Model) -> w.Rules:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.jit_cache import njit
-from sim_core.dynamics.support import FACE_JOINTS, FACE_OF_JOINTS, STRUT_ENDS, base, clearance, past_edges
+from sim_core.dynamics.support import FACE_JOINTS, FACE_OF_JOINTS, STRUT_ENDS, base, center_of_mass, clearance, past_edges
 from sim_core.structure.arrays import Array
 
 SAMPLE_S = 0.01
@@ -52,19 +52,6 @@ class Rules(NamedTuple):
     face_of_joints: NDArray[np.int8] = FACE_OF_JOINTS
     face_joints: NDArray[np.int64] = FACE_JOINTS
     strut_ends: NDArray[np.int32] = STRUT_ENDS
-
-
-@njit(cache=True)
-def center_of_mass(state, mass, out):
-    """Write the centre of mass into `out` (3,)."""
-    total = 0.0
-    out[0], out[1], out[2] = 0.0, 0.0, 0.0
-    for p in range(mass.shape[0]):
-        total += mass[p]
-        for axis in range(3):
-            out[axis] += mass[p] * state[p * k.PARTICLE_ROWS + k.X + axis]
-    for axis in range(3):
-        out[axis] /= total
 
 
 @njit(cache=True)

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from hardware_bridge.recording.bag_reader import Session, seconds_of
+from hardware_bridge.recording.bag_reader import Session
 from sim_core.rolling.roll import RollResult, Sample
 from sim_core.structure.topology import STRUTS, TENDONS
+from tensegrity_lab.bags.observed_path import observed_path
 from tensegrity_lab.bags.replay import Replay
 
 STRUT_COLORS = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9")
@@ -71,17 +72,6 @@ def roll_picture(result: RollResult, trace: Sequence[Sample], path: Path, title:
     axes.set_ylabel("strut compression (N)")
     figure.suptitle(f"{title}: {' → '.join(result.faces)}, {'feasible' if result.feasible else 'not feasible'}")
     figure.savefig(path, dpi=110)
-
-
-def observed_path(session: Session, origin_s: float) -> tuple[np.ndarray, np.ndarray]:
-    """Robot times (s, from `origin_s`) and joints (n, 12, 3) as the observer saw them."""
-    sent = list(session.of("bridge/struts_sent"))
-    stamps = np.array([seconds_of(m.header.stamp) for m in sent])
-    robot_s = np.array([m.robot_time_ns / 1e9 for m in sent])
-    seen = [m for m in session.of("bridge/observed_joints") if len(m.poses) >= 12]
-    times = np.interp([seconds_of(m.header.stamp) for m in seen], stamps, robot_s) - origin_s if sent and seen else np.zeros(0)
-    joints = [[(p.position.x, p.position.y, p.position.z) for p in m.poses[:12]] for m in seen]
-    return times, np.array(joints).reshape(-1, 12, 3)
 
 
 def session_picture(session: Session, replay: Replay, path: Path) -> None:

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
-from hardware_bridge.boards.compatibility import require_fit
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.calibration.pulse_map import Calibration, load_calibration
 from hardware_bridge.errors import BoardMismatch, CalibrationError, ParameterError
+from hardware_bridge.safety.compatibility import require_fit
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.limits import Pacing
 from tests.hardware_bridge.boards.test_registry import SPECS
