@@ -59,7 +59,7 @@ class PortWrongKind(TransportError):
 
 
 class LinkLost(TransportError):
-    """A read or write on the open port failed. ``dirty``: part of a frame may have reached the board."""
+    """A read or write on the open port failed. `dirty`: part of a frame may have reached the board."""
 
     def __init__(self, port: str, problem: str, remedy: str, dirty: bool = False) -> None:
         self.dirty = dirty
@@ -78,7 +78,7 @@ class TimeScaleError(BridgeError):
 
 
 class CalibrationError(BridgeError):
-    """A calibration that must not drive a robot. ``strut`` (``S1``…) and ``line`` (from 1) where they are known."""
+    """A calibration that must not drive a robot. `strut` (`S1`…) and `line` (from 1) where they are known."""
 
     def __init__(self, source: str, problem: str, strut: str | None = None, line: int | None = None) -> None:
         self.source, self.problem, self.strut, self.line = source, problem, strut, line
@@ -137,7 +137,7 @@ class WrongPrototype(Refused):
 
 
 class LimitError(Refused):
-    """A strut outside a limit. ``value`` and ``limit`` are in ``unit``."""
+    """A strut outside a limit. `value` and `limit` are in `unit`."""
 
     def __init__(self, strut: str, quantity: str, value: float, limit: float, unit: str, where: str = "") -> None:
         self.strut, self.quantity, self.value, self.limit, self.unit = strut, quantity, value, limit, unit
@@ -155,9 +155,9 @@ class ShapeError(Refused):
 
 
 class DutyError(Refused):
-    """A strut that has run too long of late; times in [s] of robot time. ``wait_s`` None: waiting does not help.
+    """A strut that has run too long of late; times in [s] of robot time. `wait_s` None: waiting does not help.
 
-    ``used_s`` is infinite where nobody knows how long it has run.
+    `used_s` is infinite where nobody knows how long it has run.
     """
 
     def __init__(self, strut: str, used_s: float, needed_s: float, limit_s: float, window_s: float, wait_s: float | None) -> None:
@@ -211,7 +211,7 @@ class StaleError(Refused):
 
 
 class StateError(Refused):
-    """Not in this state. ``mode`` is the supervisor's state."""
+    """Not in this state. `mode` is the supervisor's state."""
 
     def __init__(self, command: str, mode: str, remedy: str) -> None:
         self.command, self.mode, self.remedy = command, mode, remedy
@@ -219,7 +219,7 @@ class StateError(Refused):
 
 
 class FaultLatched(StateError):
-    """A fault is latched; ``reason`` says which."""
+    """A fault is latched; `reason` says which."""
 
     def __init__(self, command: str, reason: str) -> None:
         self.reason = reason

@@ -37,7 +37,7 @@ class Servo:
         return float(np.interp(time_s, times, pulses))
 
     def turn(self, time_s: float, pulse_us: float, end_s: float) -> None:
-        """From where it is at ``time_s``, whatever was said before, straight to a pulse."""
+        """From where it is at `time_s`, whatever was said before, straight to a pulse."""
         if not self.corners:
             self.corners = [(time_s, pulse_us)]  # the first order jumps
         here = self.at(time_s)
@@ -62,10 +62,10 @@ class Lines:
         self.broken = False
 
     def open(self) -> None:
-        """See ``SerialTransport``."""
+        """See `SerialTransport`."""
 
     def close(self) -> None:
-        """See ``SerialTransport``."""
+        """See `SerialTransport`."""
 
     def read_available(self) -> bytes:
         """It never answers."""
@@ -169,7 +169,7 @@ class SetClock:
 
 
 class Rig:
-    """The real engine, supervisor, gate, link and codec on ``Lines``; time passes when the test says so."""
+    """The real engine, supervisor, gate, link and codec on `Lines`; time passes when the test says so."""
 
     def __init__(self, spec: str, rules: Rules, baud: int = 0) -> None:
         self.rules = rules
@@ -185,7 +185,7 @@ class Rig:
         self.motions = 0
 
     def tick(self, after_s: float) -> None:
-        """The frame loop comes, ``after_s`` later."""
+        """The frame loop comes, `after_s` later."""
         self.lines.now_s += after_s
         lease = self.engine.state.lease
         if lease is not None:

@@ -20,7 +20,7 @@ LIMIT_S = 20.0
 
 
 def wait_for(condition: Callable[[], bool], what: str, limit_s: float = LIMIT_S) -> None:
-    """Waits until ``condition`` holds; fails, saying ``what``, after the limit."""
+    """Waits until `condition` holds; fails, saying `what`, after the limit."""
     deadline = time.monotonic() + limit_s
     pause = threading.Event()
     while not condition():
@@ -77,7 +77,7 @@ class Wire:
 
 @contextlib.contextmanager
 def attended(answers: bool) -> Iterator[Wire]:
-    """A wire whose far end is attended to while the block lasts; ``answers`` can be changed meanwhile."""
+    """A wire whose far end is attended to while the block lasts; `answers` can be changed meanwhile."""
     wire, ended = Wire(answers), threading.Event()
 
     def live() -> None:

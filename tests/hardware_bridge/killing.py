@@ -42,7 +42,7 @@ class Left(NamedTuple):
 
 
 def kill_while_writing(folder: Path, seed: int) -> Left:
-    """Starts a recorder, kills it with SIGKILL after a number of acknowledged messages that ``seed`` draws, recovers its log."""
+    """Starts a recorder, kills it with SIGKILL after a number of acknowledged messages that `seed` draws, recovers its log."""
     path = folder / f"{seed}.mcap"
     enough = random.Random(seed).randrange(1, 4000)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(each for each in sys.path if each)}

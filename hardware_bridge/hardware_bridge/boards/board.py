@@ -78,7 +78,7 @@ class Board(Protocol):
 
     @property
     def spec(self) -> str:
-        """The board with its variant, as the parameter ``board`` names it (see ``registry``)."""
+        """The board with its variant, as the parameter `board` names it (see `registry`)."""
         ...
 
     @property
@@ -87,7 +87,7 @@ class Board(Protocol):
         ...
 
     def encode_move(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int, from_us: Sequence[float]) -> bytes:
-        """One frame that moves ``channels[i]`` to ``pulses_us[i]``, all arriving together after ``duration_ms``.
+        """One frame that moves `channels[i]` to `pulses_us[i]`, all arriving together after `duration_ms`.
 
         Args:
             from_us: Where each output is believed to be, in [us]; needed by a board that knows speeds only.
@@ -98,19 +98,19 @@ class Board(Protocol):
         ...
 
     def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
-        """One frame that sends ``channels`` to where they are by now, so that nothing goes on.
+        """One frame that sends `channels` to where they are by now, so that nothing goes on.
 
         This is how every board is stopped. LSC and Maestro have no command that stops a servo; the SSC-32 has one, but
         it leaves the servo at a pulse that nobody has recorded. It lasts as long as a move: were the board not where it is
         believed to be, it would not be made good in a jump.
 
         Raises:
-            CodecError: As ``encode_move``.
+            CodecError: As `encode_move`.
         """
         ...
 
     def move_time_s(self, way_us: float, duration_ms: int) -> float:
-        """How long in [s] a channel really takes for a way in [us] of a move that is told to last ``duration_ms``."""
+        """How long in [s] a channel really takes for a way in [us] of a move that is told to last `duration_ms`."""
         ...
 
     def encode_query(self, channels: Sequence[int]) -> Query:
@@ -118,12 +118,12 @@ class Board(Protocol):
         ...
 
     def parse_reply(self, reply: bytes, count: int) -> Health | None:
-        """What the bytes that came since a query about ``count`` channels say; None if they are no sound answer."""
+        """What the bytes that came since a query about `count` channels say; None if they are no sound answer."""
         ...
 
 
 def check_range(field: str, value: int, valid: tuple[int, int]) -> None:
-    """Raises CodecError unless ``value`` is an integer within ``valid``, both ends included."""
+    """Raises CodecError unless `value` is an integer within `valid`, both ends included."""
     if isinstance(value, bool) or not isinstance(value, int) or not valid[0] <= value <= valid[1]:
         raise CodecError(field, value, f"an integer from {valid[0]} to {valid[1]}")
 

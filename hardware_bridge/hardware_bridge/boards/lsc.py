@@ -1,9 +1,9 @@
-"""Hiwonder / LewanSoul LSC-6, -16, -24: ``55 55 Len Cmd prm...``, Len = number of parameters + 2, little-endian.
+"""Hiwonder / LewanSoul LSC-6, -16, -24: `55 55 Len Cmd prm...`, Len = number of parameters + 2, little-endian.
 
 9600 baud, 8N1, no checksum, no acknowledgement. Source: Hiwonder, "controller communication protocol" V1.2.
 
 Not documented by the maker, and so assumed: there is no inter-byte timeout and no cancel, so after a cut frame the
-board takes the beginning of the next one as the cut one's rest. ``0x07`` stops action groups only; a servo is stopped
+board takes the beginning of the next one as the cut one's rest. `0x07` stops action groups only; a servo is stopped
 by sending its last pulse again. A reset cannot be noticed: the board tells its supply voltage and nothing else.
 """
 
@@ -48,7 +48,7 @@ class Frame:
 
 @dataclass(frozen=True)
 class Move:
-    """A decoded move: ``channels[i]`` to ``pulses_us[i]`` [us] within ``duration_ms``."""
+    """A decoded move: `channels[i]` to `pulses_us[i]` [us] within `duration_ms`."""
 
     channels: tuple[int, ...]
     pulses_us: tuple[int, ...]
@@ -61,7 +61,7 @@ def encode_frame(command: int, parameters: bytes = b"") -> bytes:
 
 
 def encode_move(pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
-    """A move of one to six servos, which arrive together after ``duration_ms``.
+    """A move of one to six servos, which arrive together after `duration_ms`.
 
     Raises:
         CodecError: Wrong counts, a channel twice, or a value that the board does not accept.
@@ -131,7 +131,7 @@ class FrameDecoder:
         self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Frames that ``data`` completes, in order."""
+        """Frames that `data` completes, in order."""
         self._buffer += data
         frames = []
         while (frame := self._take()) is not None:

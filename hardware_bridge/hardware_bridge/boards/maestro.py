@@ -5,13 +5,13 @@ low seven bits first; the top bit marks the first byte of a command, so a stream
 
 The Maestro knows speeds, not durations: a move sets, for each channel, the speed that gets it there in time, rounded down to
 25 us/s, so that no limit is passed, and never a speed of 0, which would be full speed. A channel may so come late; whoever sends
-the next move knows by how much (``move_time_s``). A channel that need not move gets the slowest speed, so that it creeps if it is
+the next move knows by how much (`move_time_s`). A channel that need not move gets the slowest speed, so that it creeps if it is
 not where it is believed to be.
 
 What only Pololu's Control Center can set, and must:
 
 * serial mode "UART, fixed baud rate" (to detect the rate the board needs an 0xAA first, which only the Pololu protocol
-  sends), with the rate, CRC and device number of the parameters ``baud`` and ``board``; "never sleep";
+  sends), with the rate, CRC and device number of the parameters `baud` and `board`; "never sleep";
 * for the six channels: limits no narrower than the calibration's pulses, speed and acceleration 0, and *home* on
   "Ignore", because any error, even one cut frame, sends channels home ("Off" lets them go, "Go to" moves them);
 * the serial time-out of `timeout_s`.
@@ -74,7 +74,7 @@ def crc7(data: bytes) -> int:
 
 
 def timeout_s(liveness_period_s: float) -> float:
-    """The serial time-out in [s of the board] to set in the Control Center for a query every ``liveness_period_s``.
+    """The serial time-out in [s of the board] to set in the Control Center for a query every `liveness_period_s`.
 
     Four lost queries long, so that the board and the bridge notice a dead link at about the same time.
     """
@@ -124,7 +124,7 @@ class Maestro:
 
     @property
     def spec(self) -> str:
-        """The board with its variant, as the parameter ``board`` names it."""
+        """The board with its variant, as the parameter `board` names it."""
         device = "" if self.device is None else f":device={self.device}"
         limits = "" if self.limits_us == LIMITS_US else f":limits={self.limits_us[0]}-{self.limits_us[1]}"
         return self.name + device + (":crc" if self.crc else "") + limits
@@ -189,7 +189,7 @@ class Maestro:
         return b"".join(self.set_target(channel, pulse_us) for channel, pulse_us in zip(channels, pulses_us, strict=True))
 
     def move_time_s(self, way_us: float, duration_ms: int) -> float:
-        """At the speed that ``encode_move`` sets."""
+        """At the speed that `encode_move` sets."""
         return abs(way_us) / (speed_units(way_us, duration_ms) * SPEED_UNIT_US_S)
 
     def encode_query(self, channels: Sequence[int]) -> Query:

@@ -20,7 +20,7 @@ _OPTION = re.compile(r"device=(?P<device>[0-9]{1,3})|(?P<crc>crc)|limits=(?P<low
 
 
 def parse_board(spec: str) -> Board:
-    """The board that a text such as ``lsc``, ``ssc32``, ``maestro`` or ``maestro:device=12:crc`` names.
+    """The board that a text such as `lsc`, `ssc32`, `maestro` or `maestro:device=12:crc` names.
 
     Raises:
         ParameterError: No such board or variant; names the valid ones.

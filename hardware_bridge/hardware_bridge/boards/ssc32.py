@@ -1,11 +1,11 @@
 """Lynxmotion SSC-32 and SSC-32U: lines of ASCII, ended by CR; no checksum, no acknowledgement.
 
-Source: Lynxmotion, "SSC-32U USB servo controller board user guide", pp. 24-26, 33-34 and 38-39; the cancel (``ESC CR``)
-is from the source of the ROS driver ``lynxmotion_ssc32u``. 9600 baud as delivered, 38400 and 115200 by its button: a move
+Source: Lynxmotion, "SSC-32U USB servo controller board user guide", pp. 24-26, 33-34 and 38-39; the cancel (`ESC CR`)
+is from the source of the ROS driver `lynxmotion_ssc32u`. 9600 baud as delivered, 38400 and 115200 by its button: a move
 of six servos takes 48 bytes, 50 ms at 9600 baud, so 115200 is what this bridge expects.
 
 Not documented by the maker, and so assumed: a line that is no command is ignored whole, and a channel that has had no
-move since power-up answers ``QP`` with 0. If a real board answers otherwise, its reset goes unnoticed and nothing worse.
+move since power-up answers `QP` with 0. If a real board answers otherwise, its reset goes unnoticed and nothing worse.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from hardware_bridge.boards.board import Health, Query, Quirks, check_channels, 
 
 CANCEL = b"\x1b\r"
 PULSE_STEP_US = 10
-"""``QP`` answers in steps of this."""
+"""`QP` answers in steps of this."""
 MAX_LINE = 512
 """Bytes of a line kept while its end has not come; a longer one is no command."""
 
@@ -42,7 +42,7 @@ _OFFSET_US = (-100, 100)
 
 @dataclass(frozen=True)
 class Target:
-    """One channel of a move: pulse in [us]; None: the pulse off. ``speed_us_s`` in [us/s], None: as fast as it can."""
+    """One channel of a move: pulse in [us]; None: the pulse off. `speed_us_s` in [us/s], None: as fast as it can."""
 
     channel: int
     pulse_us: int | None
@@ -51,7 +51,7 @@ class Target:
 
 @dataclass(frozen=True)
 class Group:
-    """A move of channels that start and, with ``duration_ms``, stop together."""
+    """A move of channels that start and, with `duration_ms`, stop together."""
 
     targets: tuple[Target, ...]
     duration_ms: int | None = None
@@ -59,7 +59,7 @@ class Group:
 
 @dataclass(frozen=True)
 class Offset:
-    """``PO``: shifts a channel's pulse by -100 to 100 us."""
+    """`PO`: shifts a channel's pulse by -100 to 100 us."""
 
     channel: int
     offset_us: int
@@ -74,33 +74,33 @@ class Stop:
 
 @dataclass(frozen=True)
 class AskMoving:
-    """``Q``: is a move under way?"""
+    """`Q`: is a move under way?"""
 
 
 @dataclass(frozen=True)
 class AskPulses:
-    """``QP``: the commanded pulses of channels, one byte each."""
+    """`QP`: the commanded pulses of channels, one byte each."""
 
     channels: tuple[int, ...]
 
 
 @dataclass(frozen=True)
 class AskAnalogue:
-    """``VA`` to ``VH``: the voltages of inputs, one byte each in 5/256 V."""
+    """`VA` to `VH`: the voltages of inputs, one byte each in 5/256 V."""
 
     inputs: str
 
 
 @dataclass(frozen=True)
 class AskVersion:
-    """``VER``: text and CR. In the SSC-32's manual, not in the SSC-32U's: never depend on it."""
+    """`VER`: text and CR. In the SSC-32's manual, not in the SSC-32U's: never depend on it."""
 
 
 Command = Group | Offset | Stop | AskMoving | AskPulses | AskAnalogue | AskVersion
 
 
 def encode_move(pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
-    """A group move of one to six servos, which arrive together after ``duration_ms``.
+    """A group move of one to six servos, which arrive together after `duration_ms`.
 
     Raises:
         CodecError: Wrong counts, a channel twice, or a value that the board does not accept.
@@ -138,7 +138,7 @@ def encode_stop(channel: int) -> bytes:
 
 
 def encode_moving_query() -> bytes:
-    """Answered by ``.`` (done) or ``+`` (moving)."""
+    """Answered by `.` (done) or `+` (moving)."""
     return b"Q\r"
 
 
@@ -149,7 +149,7 @@ def encode_pulse_query(channels: Sequence[int]) -> bytes:
 
 
 def encode_pulse_reply(pulses_us: Sequence[float | None]) -> bytes:
-    """What the board answers to ``QP``."""
+    """What the board answers to `QP`."""
     return bytes(0 if pulse is None else min(255, round(pulse / PULSE_STEP_US)) for pulse in pulses_us)
 
 
@@ -213,7 +213,7 @@ class LineDecoder:
     _line: bytearray = field(default_factory=bytearray)
 
     def feed(self, data: bytes) -> list[Command]:
-        """Commands that ``data`` completes, in order."""
+        """Commands that `data` completes, in order."""
         commands: list[Command] = []
         for byte in data:
             if byte == CANCEL[0]:
@@ -250,7 +250,7 @@ class Ssc32:
         return duration_ms * 1e-3
 
     def encode_query(self, channels: Sequence[int]) -> Query:
-        """``QP`` of every channel: ``VER`` is not on every board, and this one also shows a reset."""
+        """`QP` of every channel: `VER` is not on every board, and this one also shows a reset."""
         return Query(encode_pulse_query(channels), len(channels))
 
     def parse_reply(self, reply: bytes, count: int) -> Health | None:

@@ -22,7 +22,7 @@ _UNFINISHED_HEAD = "# Unfinished: `./sixstrut calibrate` goes on from here. No b
 
 
 def text_of(robot: str | None, mid_stroke_length_m: float, struts: Mapping[str, StrutCalibration], head: str = _HEAD) -> str:
-    """The YAML; ``robot`` None: without a name."""
+    """The YAML; `robot` None: without a name."""
     named = [] if robot is None else [f"robot: {json.dumps(robot, ensure_ascii=False)}"]
     lines = [*named, f"mid_stroke_length_m: {mid_stroke_length_m:g}", "struts:"]
     for name, strut in struts.items():
@@ -53,7 +53,7 @@ class Unfinished:
     """The struts that are done, beside the file that they will go into.
 
     Attributes:
-        path: ``<file>.part``.
+        path: `<file>.part`.
         robot: Name of the robot; None while not known.
         mid_stroke_length_m: None while not known.
         struts: Name to calibration, those that are done.

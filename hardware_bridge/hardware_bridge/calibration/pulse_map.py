@@ -91,11 +91,11 @@ class Calibration:
         return tuple(strut.channel for strut in self.struts)
 
     def pulse_us(self, index: int, length_m: float) -> int:
-        """Whole pulse in [us] for the rest length in [m] of strut ``index`` (from 0)."""
+        """Whole pulse in [us] for the rest length in [m] of strut `index` (from 0)."""
         return self.struts[index].stroke_to_pulse(length_m - self.mid_stroke_length_m)
 
     def length_m(self, index: int, pulse_us: int) -> float:
-        """Rest length in [m] that ``pulse_us`` really asks strut ``index`` (from 0) for."""
+        """Rest length in [m] that `pulse_us` really asks strut `index` (from 0) for."""
         return self.mid_stroke_length_m + self.struts[index].pulse_to_stroke(pulse_us)
 
     def pulses_us(self, lengths_m: Sequence[float]) -> tuple[int, ...]:
@@ -134,7 +134,7 @@ def load_calibration(path: str | Path | None = None) -> Calibration:
 
 
 def parse_calibration(text: str, source: str) -> Calibration:
-    """The calibration in YAML text; ``source`` names it in errors.
+    """The calibration in YAML text; `source` names it in errors.
 
     Raises:
         CalibrationError: As `load_calibration`.
@@ -179,7 +179,7 @@ def _calibration_of(data: object, source: str) -> Calibration:
 
 
 def robot_name(value: object, source: str) -> str:
-    """A robot's name: what it is known by, wherever it is plugged in. ``source`` names it in errors. Raises CalibrationError."""
+    """A robot's name: what it is known by, wherever it is plugged in. `source` names it in errors. Raises CalibrationError."""
     if isinstance(value, str) and 1 <= len(value) <= LONGEST_NAME and value.isprintable() and value == value.strip():
         return value
     got = repr(value) if len(repr(value)) < 80 else f"{repr(value)[:80]}…"
@@ -188,7 +188,7 @@ def robot_name(value: object, source: str) -> str:
 
 
 def parse_strut(source: str, name: str, data: object) -> StrutCalibration:
-    """One strut's entry; ``source`` and ``name`` say in errors whose it is. Raises CalibrationError."""
+    """One strut's entry; `source` and `name` say in errors whose it is. Raises CalibrationError."""
     if not isinstance(data, Mapping) or set(data) != _FIELDS:
         got = set(data) if isinstance(data, Mapping) else set()
         missing, unknown = sorted(_FIELDS - got), sorted(map(str, got - _FIELDS))

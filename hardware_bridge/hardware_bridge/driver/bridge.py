@@ -42,20 +42,20 @@ _log = logging.getLogger(__name__)
 class Bridge:
     """Drives six struts through a servo board. Every public method may be called from any thread.
 
-    One lock orders everything: a call, the bytes it writes, the number (``seq``) and robot time of its events, and
-    their callbacks, so callbacks come in the order of ``seq``. They must therefore be short and must not call the
-    bridge; an exception in one is logged and goes no further. ``stop`` does not wait for its turn to stop frames: it
+    One lock orders everything: a call, the bytes it writes, the number (`seq`) and robot time of its events, and
+    their callbacks, so callbacks come in the order of `seq`. They must therefore be short and must not call the
+    bridge; an exception in one is logged and goes no further. `stop` does not wait for its turn to stop frames: it
     bars them at once, so at most the one frame that is already being written goes out after the call.
 
     Args:
-        port: Path, or ``socket://HOST:PORT``.
+        port: Path, or `socket://HOST:PORT`.
         rules: Calibration, limits, pacing and shape check (a function of six rest lengths in m that returns what is
             wrong, or None). It may be slow: it is asked once a shape, in the caller's thread and outside the lock, before
             a command is judged; the supervisor and the frame loop look its verdicts up.
         board: What sits behind the port; LSC by default.
         baud: Rate between radio and board; None: the board's usual one.
         time_scale: Robot seconds per second; None takes the virtual prototype's, or 1 on a real port.
-        state_dir: Where last pulses and running time are kept; by default ``$SIXSTRUT_STATE_DIR`` or ``~/.local/state/sixstrut``.
+        state_dir: Where last pulses and running time are kept; by default `$SIXSTRUT_STATE_DIR` or `~/.local/state/sixstrut`.
         liveness_period_s: Wall time between liveness queries; None asks never.
         liveness_limit_s: Longest wall time without a reply, once the board has ever replied, before the link is lost.
         rested_s: The operator's word at the first opening: for so long the actuators have rested, in [s] of robot time. Where
@@ -117,7 +117,7 @@ class Bridge:
     # ---- life -------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:
-        """Opens the port and starts the clock and the stream; nothing moves. ``seq`` and robot time begin anew.
+        """Opens the port and starts the clock and the stream; nothing moves. `seq` and robot time begin anew.
 
         Raises:
             TransportError: `PortMissing`, `PortBusy` or `PortWrongKind`, with the remedy.
@@ -166,11 +166,11 @@ class Bridge:
     # ---- commands ---------------------------------------------------------------------------------------------------
 
     def judge_homing(self, confirmed_lengths_m: Sequence[float | None] | None = None) -> None:
-        """Judges the shapes on the way to mid stroke, which may take a second, and remembers the verdicts for ``arm``.
+        """Judges the shapes on the way to mid stroke, which may take a second, and remembers the verdicts for `arm`.
 
         On a port just opened it also waits for the board's first answer.
 
-        ``arm`` does it by itself; who must not wait there calls this first, in a thread that may.
+        `arm` does it by itself; who must not wait there calls this first, in a thread that may.
         """
         with self._engine.lock:
             state = self._engine.state
@@ -183,7 +183,7 @@ class Bridge:
             check_homing(self._judging_rules, pulses_us, homing_path(self.rules, pulses_us))
 
     def judge_motion(self, trajectory: Trajectory, lease: str) -> None:
-        """As ``judge_homing``, for ``execute``. Only the holder's commands are worth the work."""
+        """As `judge_homing`, for `execute`. Only the holder's commands are worth the work."""
         with self._engine.lock:
             state, present_m = self._engine.state, self._engine.lengths_m()
         if state.homed and state.motion is None and state.lease is not None and state.lease.token == lease:
@@ -203,7 +203,7 @@ class Bridge:
         confirmed_lengths_m: Sequence[float | None] | None = None,
         prototype: str = "",
     ) -> str:
-        """Takes the lease and begins homing, which ends in ARMED (see ``snapshot`` and ``on_state``).
+        """Takes the lease and begins homing, which ends in ARMED (see `snapshot` and `on_state`).
 
         Args:
             holder: Who asks, for people.
@@ -258,8 +258,8 @@ class Bridge:
         """Starts a motion; knots are times in robot time from now and absolute rest lengths.
 
         Args:
-            trajectory: See `Trajectory`; ``Trajectory.from_names`` makes one from a message's fields.
-            lease: From ``arm``.
+            trajectory: See `Trajectory`; `Trajectory.from_names` makes one from a message's fields.
+            lease: From `arm`.
             stamp_age_s: Wall time since the command was made, in [s]. What judging takes here is added.
 
         Raises:
@@ -276,7 +276,7 @@ class Bridge:
             return self._engine.add_motion(number, trajectory.duration_s)
 
     def hold(self, reason: str) -> None:
-        """Ends any motion with the struts held where they are; ARMED becomes HOLD, from which ``execute`` goes on.
+        """Ends any motion with the struts held where they are; ARMED becomes HOLD, from which `execute` goes on.
 
         While homing, the lease is lost: half homed is not homed.
         """
@@ -295,7 +295,7 @@ class Bridge:
             self._engine.apply(Stop(reason))
 
     def reset(self) -> None:
-        """Leaves FAULT for DISARMED. A lost link is opened again first; robot time and ``seq`` go on.
+        """Leaves FAULT for DISARMED. A lost link is opened again first; robot time and `seq` go on.
 
         Raises:
             TransportError, TimeScaleError: The link cannot be opened, or the board does not answer any more; FAULT stays.
@@ -319,8 +319,8 @@ class Bridge:
         """Numbers a face observation into the stream.
 
         Args:
-            face: ``TC1``…``TC8``, ``TO1``…``TO12``, or empty: on no face.
-            source: ``operator``, ``prototype`` or ``external``.
+            face: `TC1`…`TC8`, `TO1`…`TO12`, or empty: on no face.
+            source: `operator`, `prototype` or `external`.
             settled: The robot had come to rest.
             detail: For people.
 

@@ -1,6 +1,6 @@
 """A bridge in a process of its own: what owns the port and the frame timer shares its interpreter with nothing else.
 
-The other end of a connection (see ``remote_bridge``) opens it and calls it; what happens to the robot goes back over the same
+The other end of a connection (see `remote_bridge`) opens it and calls it; what happens to the robot goes back over the same
 connection, in order. Nobody at the other end can keep a frame or a stop waiting: calls that may wait have threads of their own, and
 events go out through a queue. When the other end is gone, or reads nothing any more, the struts are held and the port is closed.
 """
@@ -40,7 +40,7 @@ MOST_WAITING = 20_000
 
 @dataclass(frozen=True)
 class Opening:
-    """What a bridge is opened with: ``Bridge``'s arguments, but for its callbacks. Shapes are judged at the other end."""
+    """What a bridge is opened with: `Bridge`'s arguments, but for its callbacks. Shapes are judged at the other end."""
 
     port: str
     rules: Rules
@@ -64,14 +64,14 @@ class Call(NamedTuple):
 
 
 class Verdict(NamedTuple):
-    """To the host: the answer to a ``Judge``."""
+    """To the host: the answer to a `Judge`."""
 
     number: int
     problem: str | None
 
 
 class Reply(NamedTuple):
-    """From the host: how a ``Call`` ended. ``error`` None: well, with ``value``."""
+    """From the host: how a `Call` ended. `error` None: well, with `value`."""
 
     number: int
     value: Any
@@ -86,20 +86,20 @@ class Judge(NamedTuple):
 
 
 class Happened(NamedTuple):
-    """From the host: ``SentEvent``, ``FaceEvent``, ``Snapshot``, or a motion's (number, ``MotionResult``)."""
+    """From the host: `SentEvent`, `FaceEvent`, `Snapshot`, or a motion's (number, `MotionResult`)."""
 
     event: Any
 
 
 class Refreshed(NamedTuple):
-    """From the host, every ``REFRESH_S``: the bridge now, and how far its motions are, by number."""
+    """From the host, every `REFRESH_S`: the bridge now, and how far its motions are, by number."""
 
     snapshot: Snapshot
     motions: dict[int, Progress]
 
 
 class BridgeHost:
-    """Serves one connection with one bridge at a time. ``stop`` may be called from any thread."""
+    """Serves one connection with one bridge at a time. `stop` may be called from any thread."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection

@@ -1,6 +1,6 @@
 """The bridge's inside: does what the supervisor says, and keeps the numbered stream of what really happened.
 
-One lock orders everything: an event for the supervisor, the bytes it leads to, the number (``seq``) and robot time of
+One lock orders everything: an event for the supervisor, the bytes it leads to, the number (`seq`) and robot time of
 the events, and their callbacks.
 """
 
@@ -61,7 +61,7 @@ class _Counters:
 
 
 class Engine:
-    """Supervisor, board and link under one lock; all but ``tick``, ``snapshot`` and ``barred`` are called with it held.
+    """Supervisor, board and link under one lock; all but `tick`, `snapshot` and `barred` are called with it held.
 
     Attributes:
         lock: The lock.
@@ -69,7 +69,7 @@ class Engine:
         clock: Robot time.
         state: The supervisor's state.
         virtual: Whether the port is the virtual prototype's.
-        session: Identity of this stream of events, new with every ``begin``; empty before the first.
+        session: Identity of this stream of events, new with every `begin`; empty before the first.
         prototype: Its instance; empty on a real port.
     """
 
@@ -102,7 +102,7 @@ class Engine:
     # ---- life -------------------------------------------------------------------------------------------------------
 
     def begin(self, time_scale: float, records: Records, virtual: bool, rested_s: float = 0.0) -> None:
-        """A new stream on a port just opened: clock at 0, ``seq`` from 1. A latched fault stays."""
+        """A new stream on a port just opened: clock at 0, `seq` from 1. A latched fault stays."""
         self.session = secrets.token_hex(8)
         was = self.state
         self.clock = RobotClock(time_scale)
@@ -142,7 +142,7 @@ class Engine:
     # ---- time -------------------------------------------------------------------------------------------------------
 
     def tick(self, missed: int) -> None:
-        """One period: replies, lease, motion; a heartbeat if nothing was written. ``missed`` periods are lost."""
+        """One period: replies, lease, motion; a heartbeat if nothing was written. `missed` periods are lost."""
         with self.lock:
             self._count.late_periods += missed
             self._written_in_tick = False
@@ -351,7 +351,7 @@ class Engine:
         return event
 
     def tell_state(self, force: bool = False) -> None:
-        """Calls ``on_state`` if anything that it is about has changed."""
+        """Calls `on_state` if anything that it is about has changed."""
         state = self.state
         token = None if state.lease is None else state.lease.token
         moving = None if state.motion is None else state.motion.number

@@ -24,14 +24,14 @@ class SentEvent:
 
     Attributes:
         seq: Place in the stream, from 1, shared with `FaceEvent`.
-        robot_time_ns: Robot time of the write, in [ns]; never less than that of an earlier ``seq``.
+        robot_time_ns: Robot time of the write, in [ns]; never less than that of an earlier `seq`.
         heartbeat: Nothing was written; the lengths are those last sent.
-        lengths_m: Rest lengths of S1 to S6 as whole pulses, in [m]; mid stroke where ``known`` is false.
+        lengths_m: Rest lengths of S1 to S6 as whole pulses, in [m]; mid stroke where `known` is false.
         known: Whether each strut's length was ever sent or confirmed.
         pulses_us: Pulses of S1 to S6, in [us]; 0 where not known.
         duration_ms: Duration asked of the board; 0 for a heartbeat.
         frame: The bytes on the wire; empty for a heartbeat.
-        kind: ``energise``, ``home``, ``move``, ``hold`` or ``heartbeat``.
+        kind: `energise`, `home`, `move`, `hold` or `heartbeat`.
         session: The opening of the port that the event belongs to; nothing of another one is about this robot now.
         wall_ns: The computer's clock at the event, in [ns] since 1970.
     """
@@ -56,8 +56,8 @@ class FaceEvent:
     Attributes:
         seq: Place in the stream, from 1, shared with `SentEvent`.
         robot_time_ns: Robot time at which the bridge was told, in [ns].
-        face: ``TC1``…``TC8``, ``TO1``…``TO12``, or empty: on no face.
-        source: One of ``SOURCES``.
+        face: `TC1`…`TC8`, `TO1`…`TO12`, or empty: on no face.
+        source: One of `SOURCES`.
         settled: The robot had come to rest.
         detail: For people.
         session, wall_ns: As `SentEvent`.
@@ -101,12 +101,12 @@ class Snapshot:
         duty_limit_s: Its whole budget within the window, in [s].
         supply_low_v: Servo supply below which no gait is begun, in [V].
         write_latency: How long the port took to take each frame, the last 1200.
-        reopened: How often a lost link was opened again since ``open``.
+        reopened: How often a lost link was opened again since `open`.
         board_errors: What the board said is wrong with it, until reset; empty also for a board that cannot say.
-        replies: How the board answers its liveness queries, since ``open``.
+        replies: How the board answers its liveness queries, since `open`.
         prototype: The virtual prototype's instance, if the port has proven to be one's; empty on a real port.
-        frames_sent: Frames written since ``open``.
-        write_errors: Failed or partial writes since ``open``.
+        frames_sent: Frames written since `open`.
+        write_errors: Failed or partial writes since `open`.
         late_periods: Periods that the frame loop missed, dropped and not made up for.
         congested_periods: Periods without a frame because the port still held the one before, or an answer was late.
         session: As `SentEvent`; empty before the first opening.

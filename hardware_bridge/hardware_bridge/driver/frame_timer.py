@@ -12,10 +12,10 @@ _log = logging.getLogger(__name__)
 
 
 class Streamer:
-    """A thread that calls ``tick(missed)`` every ``period_s`` of wall time.
+    """A thread that calls `tick(missed)` every `period_s` of wall time.
 
-    ``missed`` is the number of deadlines that passed by since the last call. What a late call sends is the newest due
-    frame: the frames between are stale and never exist. ``tick`` must not raise; if it does, ``failed`` is told and the
+    `missed` is the number of deadlines that passed by since the last call. What a late call sends is the newest due
+    frame: the frames between are stale and never exist. `tick` must not raise; if it does, `failed` is told and the
     thread goes on, because somebody has to notice the lost lease.
     """
 
@@ -33,7 +33,7 @@ class Streamer:
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends and waits for a running ``tick``. Not from within ``tick``."""
+        """Ends and waits for a running `tick`. Not from within `tick`."""
         self._ending.set()
         self._thread.join()
 

@@ -1,6 +1,6 @@
 """One strut at a time, by hand: what calibrating needs of a board, with no supervisor, because there is no calibration yet.
 
-A person stands by, and every step is short: at most ``STEP_US`` (about 1 mm) each ``STEP_S``.
+A person stands by, and every step is short: at most `STEP_US` (about 1 mm) each `STEP_S`.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ class Jogger:
     """Holds the port; keeps the records, so that the bridge knows later where the struts are and how long they have run.
 
     Args:
-        transport: Opened here, closed by ``close``.
+        transport: Opened here, closed by `close`.
         board: What sits behind the port.
         records: Of the robot.
         limits: For the duty.
@@ -91,7 +91,7 @@ class Jogger:
         self._duty = self._records.duty.load(self._now_s, self._clock.time_scale, rested_s)
 
     def require_rest(self, strut: int, run_s: float = STEP_S) -> None:
-        """Raises DutyError: a strut (from 0) has run too long lately to run for ``run_s`` more, and how long to wait."""
+        """Raises DutyError: a strut (from 0) has run too long lately to run for `run_s` more, and how long to wait."""
         limits, now_s = self._limits, self._now_s
         used_s = float(self._duty.used_s(now_s, limits)[strut])
         if used_s + run_s > limits.duty_s:

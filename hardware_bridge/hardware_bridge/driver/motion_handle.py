@@ -31,7 +31,7 @@ class MotionResult:
     """How a motion ended.
 
     Attributes:
-        outcome: ``done``: every knot was sent and the board has had the time for it; ``held``; ``fault``.
+        outcome: `done`: every knot was sent and the board has had the time for it; `held`; `fault`.
         reason: For people; empty if done.
         lengths_m: Rest lengths last sent, in [m].
     """
@@ -52,7 +52,7 @@ class MotionHandle:
     Attributes:
         number: Its identity, from 1.
         duration_s: Robot time of the whole path, in [s].
-        sent_s: For the bridge: path time of the newest frame that ``progress`` has seen.
+        sent_s: For the bridge: path time of the newest frame that `progress` has seen.
     """
 
     def __init__(
@@ -75,7 +75,7 @@ class MotionHandle:
         return self._progress(self)
 
     def cancel(self, reason: str = "cancelled") -> None:
-        """Holds the struts where they are and ends the motion as ``held``; too late, it does nothing."""
+        """Holds the struts where they are and ends the motion as `held`; too late, it does nothing."""
         self._cancel(self.number, reason)
 
     def wait(self, timeout_s: float | None = None) -> bool:

@@ -36,7 +36,7 @@ class _Asked:
 
 
 class HostProcess:
-    """A process with a ``BridgeHost``, and the connection to it. Methods may be called from any thread.
+    """A process with a `BridgeHost`, and the connection to it. Methods may be called from any thread.
 
     Events come in a thread of this object's, in order; they must not call the host.
     """
@@ -86,7 +86,7 @@ class HostProcess:
         on_state: Callable[[Snapshot], None] | None = None,
         **options: Any,
     ) -> RemoteBridge:
-        """Makes a bridge there and opens it; arguments, callbacks and errors as ``Bridge``'s. An older one is closed."""
+        """Makes a bridge there and opens it; arguments, callbacks and errors as `Bridge`'s. An older one is closed."""
         bridge = RemoteBridge(self, port, rules, board, Callbacks(on_sent, on_face, on_state))
         self._bridge = bridge
         # The judge of shapes stays here: it is slow, and needs what the host must not load.
@@ -180,12 +180,12 @@ class HostProcess:
 
 
 class RemoteBridge:
-    """As ``Bridge``, in a host's process. After ``close`` only ``snapshot`` is of use.
+    """As `Bridge`, in a host's process. After `close` only `snapshot` is of use.
 
     Attributes:
-        port, rules, board: As ``Bridge``'s.
+        port, rules, board: As `Bridge`'s.
         observer: Path of the virtual prototype's observer socket; None on a real port.
-        board_timeout_s: As ``Bridge``'s.
+        board_timeout_s: As `Bridge`'s.
     """
 
     def __init__(self, host: HostProcess, port: str, rules: Rules, board: Board, callbacks: Callbacks) -> None:
@@ -201,19 +201,19 @@ class RemoteBridge:
         self._progresses: dict[int, Progress] = {}
 
     def close(self) -> None:
-        """As ``Bridge.close``."""
+        """As `Bridge.close`."""
         self._host.call("close")
 
     def judge_homing(self, confirmed_lengths_m: Sequence[float | None] | None = None) -> None:
-        """As ``Bridge.judge_homing``."""
+        """As `Bridge.judge_homing`."""
         self._host.call("judge_homing", confirmed_lengths_m)
 
     def judge_motion(self, trajectory: Trajectory, lease: str) -> None:
-        """As ``Bridge.judge_motion``."""
+        """As `Bridge.judge_motion`."""
         self._host.call("judge_motion", trajectory, lease)
 
     def returns(self, trajectory: Trajectory) -> bool:
-        """As ``Bridge.returns``."""
+        """As `Bridge.returns`."""
         return bool(self._host.call("returns", trajectory))
 
     def arm(
@@ -223,19 +223,19 @@ class RemoteBridge:
         confirmed_lengths_m: Sequence[float | None] | None = None,
         prototype: str = "",
     ) -> str:
-        """As ``Bridge.arm``."""
+        """As `Bridge.arm`."""
         return str(self._host.call("arm", holder, lifted_and_clear, confirmed_lengths_m, prototype))
 
     def disarm(self, lease: str) -> None:
-        """As ``Bridge.disarm``."""
+        """As `Bridge.disarm`."""
         self._host.call("disarm", lease)
 
     def prove(self, lease: str) -> None:
-        """As ``Bridge.prove``, but waits for no answer: a proof that is refused is as good as none."""
+        """As `Bridge.prove`, but waits for no answer: a proof that is refused is as good as none."""
         self._host.tell(Call(0, "prove", (lease,)))
 
     def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0) -> MotionHandle:
-        """As ``Bridge.execute``."""
+        """As `Bridge.execute`."""
         number, duration_s = self._host.call("execute", trajectory, lease, stamp_age_s, time.monotonic())
         handle = MotionHandle(number, duration_s, self._progress, lambda number, reason: self._host.call("cancel", number, reason))
         with self._lock:
@@ -246,24 +246,24 @@ class RemoteBridge:
         return handle
 
     def hold(self, reason: str) -> None:
-        """As ``Bridge.hold``."""
+        """As `Bridge.hold`."""
         self._host.call("hold", reason)
 
     def stop(self, reason: str = "stop pressed") -> None:
-        """As ``Bridge.stop``."""
+        """As `Bridge.stop`."""
         self._host.call("stop", reason)
 
     def reset(self) -> None:
-        """As ``Bridge.reset``."""
+        """As `Bridge.reset`."""
         self._host.call("reset")
 
     def observe_face(self, face: str, source: str, settled: bool, detail: str = "") -> FaceEvent:
-        """As ``Bridge.observe_face``."""
+        """As `Bridge.observe_face`."""
         event: FaceEvent = self._host.call("observe_face", face, source, settled, detail)
         return event
 
     def snapshot(self) -> Snapshot:
-        """As ``Bridge.snapshot``, at most ``REFRESH_S`` old; every change of state is in it at once. Waits for nothing."""
+        """As `Bridge.snapshot`, at most `REFRESH_S` old; every change of state is in it at once. Waits for nothing."""
         assert self._snapshot is not None
         return self._snapshot
 

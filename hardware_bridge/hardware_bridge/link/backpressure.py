@@ -20,10 +20,10 @@ class Congestion:
         self._since_s: float | None = None
 
     def look(self, link: Link, now_s: float) -> bool:
-        """Whether the port still holds the frame before, or the board's answer is late; ``now_s`` is wall time.
+        """Whether the port still holds the frame before, or the board's answer is late; `now_s` is wall time.
 
         Raises:
-            LinkLost: The port has sent nothing on for ``PORT_LIMIT_S``. A late answer has a limit of its own, see ``Link``.
+            LinkLost: The port has sent nothing on for `PORT_LIMIT_S`. A late answer has a limit of its own, see `Link`.
         """
         if not link.is_congested():
             self._since_s = None

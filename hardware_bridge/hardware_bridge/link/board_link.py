@@ -26,10 +26,10 @@ _REPLY_LIMIT_S = 0.1
 class Link:
     """Not for several threads at once; the bridge's lock sees to that.
 
-    A failed link stays down until it is opened again. After a cut frame the stream is dirty: see ``resynchronise``.
+    A failed link stays down until it is opened again. After a cut frame the stream is dirty: see `resynchronise`.
 
     A question's answer is what comes between it and the next question, and must be sound by length and content. Anything
-    else is a failed question: the next one begins with a flush, and after ``liveness_limit_s`` without an answer the link
+    else is a failed question: the next one begins with a flush, and after `liveness_limit_s` without an answer the link
     is lost.
 
     Attributes:
@@ -78,7 +78,7 @@ class Link:
         return self._transport.descriptor
 
     def open(self) -> None:
-        """Opens the port afresh; after a cut frame the link stays down until ``resynchronise``.
+        """Opens the port afresh; after a cut frame the link stays down until `resynchronise`.
 
         Raises:
             TransportError: What the transport raises.
@@ -100,7 +100,7 @@ class Link:
         return self._heard.is_set()
 
     def wait_for_first_answer(self) -> bool:
-        """Waits, while somebody calls ``attend``, until ``has_answered``; not beyond ``FIRST_ANSWER_LIMIT_S`` after the opening.
+        """Waits, while somebody calls `attend`, until `has_answered`; not beyond `FIRST_ANSWER_LIMIT_S` after the opening.
 
         May be called from any thread.
         """
@@ -124,14 +124,14 @@ class Link:
 
     @property
     def replies(self) -> Replies:
-        """How questions were answered since ``begin_counting``."""
+        """How questions were answered since `begin_counting`."""
         return Replies(self._questions, self._unanswered, self._bad, self._reply_latency.percentiles())
 
     def resynchronise(self) -> bool:
         """Makes a board that may hold part of a frame ready for the next one; whether the stream was dirty.
 
         Sends the board's cancel, if it has one, then queries, which move nothing, until the board answers or the longest
-        frame must be complete (see ``Quirks``).
+        frame must be complete (see `Quirks`).
 
         Raises:
             LinkLost: A board that used to answer does not; the link is down.
@@ -181,15 +181,15 @@ class Link:
         return self._transport.pending_bytes() > 0
 
     def is_late(self, now_s: float) -> bool:
-        """Whether a board that used to answer has not for ``LATE_ANSWER_S``: a slow radio link may hold back bytes where no
+        """Whether a board that used to answer has not for `LATE_ANSWER_S`: a slow radio link may hold back bytes where no
         port tells of them."""
         since_s = self._unanswered_since_s
         return self._answers and since_s is not None and now_s - since_s > LATE_ANSWER_S
 
     def attend(self, now_s: float, energised: Sequence[bool] = ()) -> Answer | None:
-        """Reads what came, asks for a sign of life when it is time, and judges silence. ``now_s`` is wall time.
+        """Reads what came, asks for a sign of life when it is time, and judges silence. `now_s` is wall time.
 
-        A board that has never answered is not missed: it is not armed either, see ``require_answered``.
+        A board that has never answered is not missed: it is not armed either, see `require_answered`.
 
         Args:
             energised: Which channels have been sent a pulse.
@@ -262,7 +262,7 @@ class Link:
 
 
 def first_answer(transport: SerialTransport, board: Board, limit_s: float = FIRST_ANSWER_LIMIT_S) -> Health | None:
-    """Asks a board on an open port how it is, until it answers; None: it does not within ``limit_s``. Nothing moves.
+    """Asks a board on an open port how it is, until it answers; None: it does not within `limit_s`. Nothing moves.
 
     Raises:
         LinkLost: The port failed.
@@ -284,7 +284,7 @@ def first_answer(transport: SerialTransport, board: Board, limit_s: float = FIRS
 
 
 def silence(port: str, board: Board, asked: bool, word: str) -> BoardSilent:
-    """The error for a board that has never answered; ``word`` says how a person lets it be used all the same."""
+    """The error for a board that has never answered; `word` says how a person lets it be used all the same."""
     rate = f"{board.quirks.usual_baud} baud"
     why = f"switch its supply on, check that this is its port, its rate (usually {rate}) and the wire that it answers on"
     if not asked:

@@ -43,7 +43,7 @@ NOTHING_ASKED = Replies()
 
 
 class Latency:
-    """The last ``KEPT`` durations. Not for several threads at once."""
+    """The last `KEPT` durations. Not for several threads at once."""
 
     def __init__(self) -> None:
         self._durations_s: deque[float] = deque(maxlen=KEPT)

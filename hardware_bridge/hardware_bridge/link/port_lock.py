@@ -1,7 +1,7 @@
 """One holder a port on this machine, however its name is spelled.
 
 What is locked is the device behind a path (its number in the kernel, so also through another link or node), or the
-address behind a ``socket://`` URL. The lock is a name in Linux's abstract socket space: it is the machine's and not a
+address behind a `socket://` URL. The lock is a name in Linux's abstract socket space: it is the machine's and not a
 user's, no file that somebody could put a link in place of, and gone with its process.
 """
 
@@ -29,7 +29,7 @@ _ALIAS_MAJOR = 5
 
 
 class PortLock:
-    """Held until ``release``. Attributes: names: What is locked."""
+    """Held until `release`. Attributes: names: What is locked."""
 
     def __init__(self, names: tuple[str, ...], port: str, problem: str = "is in use") -> None:
         """Raises PortBusy: somebody on this machine holds one of the names; who, if it can be seen."""
@@ -61,7 +61,7 @@ def lock_port(port: str) -> PortLock:
     """Locks what is behind a path or URL, before it is opened.
 
     Raises:
-        PortMissing, PortBusy, PortWrongKind: As ``SerialTransport.open``.
+        PortMissing, PortBusy, PortWrongKind: As `SerialTransport.open`.
     """
     return PortLock(_addresses(port) if "://" in port else (device_name(port),), port)
 
@@ -115,7 +115,7 @@ def _addresses(url: str) -> tuple[str, ...]:
 
 
 def _machine(entry: tuple[int, int, int, str, tuple[object, ...]]) -> str:
-    """An address's machine: ``here`` for each of this one's."""
+    """An address's machine: `here` for each of this one's."""
     family, _, _, _, address = entry
     spelled = ipaddress.ip_address(str(address[0]).split("%")[0])
     plain = getattr(spelled, "ipv4_mapped", None) or spelled

@@ -1,7 +1,7 @@
-"""Bytes in, bytes out, over a device or a socket: ``/dev/rfcomm0``, ``socket://host:port``, a pty.
+"""Bytes in, bytes out, over a device or a socket: `/dev/rfcomm0`, `socket://host:port`, a pty.
 
 A transport opens exclusively, writes all, reads exactly, closes; it knows no protocol. Every failure is an error that
-names the port and what to do. pyserial and the kernel raise ``SerialException`` or a plain ``OSError``; the second is
+names the port and what to do. pyserial and the kernel raise `SerialException` or a plain `OSError`; the second is
 the base of the first and is what is caught here.
 """
 
@@ -25,11 +25,11 @@ class SerialTransport:
     """One exclusive serial port.
 
     Attributes:
-        port: The path, or ``socket://HOST:PORT``. Other URLs are refused: they hide a device, or are none.
+        port: The path, or `socket://HOST:PORT`. Other URLs are refused: they hide a device, or are none.
         baud: Rate of the port; the Bluetooth side of an rfcomm port ignores it.
-        read_timeout_s: Longest wait of ``read_exactly``, wall time.
-        write_timeout_s: Longest wait of ``write_all``, wall time; about a frame, so that stop never waits longer.
-        open_timeout_s: Longest wait of ``open``, wall time: a paired module that is off blocks the kernel for seconds.
+        read_timeout_s: Longest wait of `read_exactly`, wall time.
+        write_timeout_s: Longest wait of `write_all`, wall time; about a frame, so that stop never waits longer.
+        open_timeout_s: Longest wait of `open`, wall time: a paired module that is off blocks the kernel for seconds.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class SerialTransport:
 
     @property
     def is_open(self) -> bool:
-        """Whether ``open`` succeeded and ``close`` has not been called."""
+        """Whether `open` succeeded and `close` has not been called."""
         return self._serial is not None
 
     @property
@@ -61,10 +61,10 @@ class SerialTransport:
         return self._descriptor
 
     def open(self) -> None:
-        """Opens the port exclusively, whatever its name is spelled like (see ``port_lock``).
+        """Opens the port exclusively, whatever its name is spelled like (see `port_lock`).
 
         Raises:
-            PortMissing, PortBusy, PortWrongKind: Within ``open_timeout_s``, naming port and remedy.
+            PortMissing, PortBusy, PortWrongKind: Within `open_timeout_s`, naming port and remedy.
         """
         if self._serial is not None:
             return
@@ -87,10 +87,10 @@ class SerialTransport:
                 self._lock = None
 
     def write_all(self, data: bytes) -> None:
-        """Hands every byte to the operating system within ``write_timeout_s``.
+        """Hands every byte to the operating system within `write_timeout_s`.
 
         Raises:
-            LinkLost: The port failed or did not take all; ``dirty`` says whether a part of ``data`` may be on its way.
+            LinkLost: The port failed or did not take all; `dirty` says whether a part of `data` may be on its way.
         """
         port = self._require_open()
         deadline = time.monotonic() + self.write_timeout_s
@@ -108,7 +108,7 @@ class SerialTransport:
             raise self._lost(f"write failed ({error})", dirty=True) from error
 
     def read_exactly(self, count: int) -> bytes:
-        """``count`` bytes, or an error after ``read_timeout_s``.
+        """`count` bytes, or an error after `read_timeout_s`.
 
         Raises:
             LinkLost: The port failed, or sent fewer bytes in time.
@@ -123,7 +123,7 @@ class SerialTransport:
         return data
 
     def read_available(self, limit: int = 256) -> bytes:
-        """What has arrived, up to ``limit`` bytes, without waiting.
+        """What has arrived, up to `limit` bytes, without waiting.
 
         Raises:
             LinkLost: The peer is gone.

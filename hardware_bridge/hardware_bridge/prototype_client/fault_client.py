@@ -1,7 +1,7 @@
 """Telling a virtual prototype to fail, through the Unix socket beside its link. For tests; a real robot has no such thing.
 
-One connection, one request: a line of JSON in, a line of JSON back. What exists is in `FAULTS`; ``clear`` ends all
-that last. To ``{"who": NONCE}`` it says who it is, see ``virtual_port``.
+One connection, one request: a line of JSON in, a line of JSON back. What exists is in `FAULTS`; `clear` ends all
+that last. To `{"who": NONCE}` it says who it is, see `virtual_port`.
 """
 
 from __future__ import annotations
@@ -73,7 +73,7 @@ def check_fault(request: object) -> tuple[str, str, dict[str, float]]:
 
 
 def inject(link: Path, fault: str, direction: str = "", **numbers: float) -> float:
-    """Makes the virtual prototype behind ``link`` fail; the robot time in [s] of its own clock at which it began to.
+    """Makes the virtual prototype behind `link` fail; the robot time in [s] of its own clock at which it began to.
 
     Raises:
         PrototypeError: Nobody is there, or there is no such fault.

@@ -1,7 +1,7 @@
 """How a bridge knows that a port is the virtual prototype: not by its name, and not by what a file says, but by proof.
 
-Beside the link ``L`` the prototype keeps ``L.lock`` (locked while it lives), ``L.observer`` and ``L.faults`` (Unix sockets, see
-the prototype's observer and ``fault_injection``). Who asks at the latter gets this handshake. It counts if folder, link and
+Beside the link `L` the prototype keeps `L.lock` (locked while it lives), `L.observer` and `L.faults` (Unix sockets, see
+the prototype's observer and `fault_injection`). Who asks at the latter gets this handshake. It counts if folder, link and
 sockets are this user's alone, if the process that answers is this user's, and if the pty behind the link is that process's own.
 """
 
@@ -42,7 +42,7 @@ class Handshake:
         device: The pty behind the link.
         time_scale: Its robot seconds per second.
         observer: Path of its observer's socket.
-        board: The board that it emulates (see ``codecs.registry``).
+        board: The board that it emulates (see `codecs.registry`).
     """
 
     pid: int
@@ -77,12 +77,12 @@ def faults_path(link: Path) -> Path:
 
 
 def read_handshake(port: str) -> Handshake | None:
-    """The handshake of the living prototype behind ``port``, or None: a real port."""
+    """The handshake of the living prototype behind `port`, or None: a real port."""
     return examine(port)[0]
 
 
 def examine(port: str) -> tuple[Handshake | None, str]:
-    """The handshake of the living prototype behind ``port``; or None, and why what looks like one is not taken for one.
+    """The handshake of the living prototype behind `port`; or None, and why what looks like one is not taken for one.
 
     An empty reason: nothing there looks like a prototype.
     """
@@ -120,10 +120,10 @@ def require_same_pty(port: str, handshake: Handshake, descriptor: int | None) ->
 
 
 def agree_on_time_scale(port: str, wanted: float | None, handshake: Handshake | None) -> float:
-    """The time scale to use: the prototype's, or 1 for a real port. ``wanted`` None takes what the port has.
+    """The time scale to use: the prototype's, or 1 for a real port. `wanted` None takes what the port has.
 
     Raises:
-        TimeScaleError: ``wanted`` is another one.
+        TimeScaleError: `wanted` is another one.
     """
     actual = 1.0 if handshake is None else handshake.time_scale
     if wanted is None or wanted == actual:
@@ -134,7 +134,7 @@ def agree_on_time_scale(port: str, wanted: float | None, handshake: Handshake | 
 
 
 def agree_on_board(port: str, spec: str, handshake: Handshake | None) -> None:
-    """Raises BoardMismatch if the virtual prototype behind ``port`` emulates another board than ``spec``."""
+    """Raises BoardMismatch if the virtual prototype behind `port` emulates another board than `spec`."""
     if handshake is not None and handshake.board != spec:
         raise BoardMismatch(spec, handshake.board, f"the virtual prototype at {port}")
 

@@ -19,10 +19,10 @@ _LONGEST_LINE = 65536
 
 
 class ObserverClient:
-    """Calls ``on_observation`` with every observation, in order, from its thread; an exception there is logged.
+    """Calls `on_observation` with every observation, in order, from its thread; an exception there is logged.
 
     Args:
-        path: The observer's Unix socket, such as ``Bridge.observer``; its process must be this user's, or root's.
+        path: The observer's Unix socket, such as `Bridge.observer`; its process must be this user's, or root's.
         on_observation: Takes an `Observation`.
         on_connection: Told True when the observer is there, False when it is gone.
 

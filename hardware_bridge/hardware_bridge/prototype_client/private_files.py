@@ -1,6 +1,6 @@
 """Folders, files and sockets that are this user's alone: nothing that others could have put there, nothing through a link.
 
-In a folder that several users share, such as ``/tmp``, a name proves nothing: whoever comes first has it. What counts is
+In a folder that several users share, such as `/tmp`, a name proves nothing: whoever comes first has it. What counts is
 who owns what was really opened, and who may change it.
 """
 
@@ -22,7 +22,7 @@ def open_folder(path: Path, create: bool = False) -> int:
     """A descriptor of a folder of this user's that nobody else can write to. Args: create: make it, for this user only.
 
     Raises:
-        OSError: It is another user's, others can write to it, it is a link, it does not exist; ``strerror`` says which.
+        OSError: It is another user's, others can write to it, it is a link, it does not exist; `strerror` says which.
     """
     if create:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -68,7 +68,7 @@ def read_link(folder: int, name: str) -> str:
 
 
 def listen(path: Path, clients: int) -> socket.socket:
-    """A Unix socket at ``path`` that only this user can connect to; waits for nobody. Raises OSError."""
+    """A Unix socket at `path` that only this user can connect to; waits for nobody. Raises OSError."""
     path.unlink(missing_ok=True)
     server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:

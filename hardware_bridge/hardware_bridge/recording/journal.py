@@ -1,8 +1,8 @@
 """From a journal, safe against crashes, to a log, good for readers.
 
-While a session lives, messages go unchunked into ``<name>.mcap.journal`` and each is flushed. After each record comes another one,
+While a session lives, messages go unchunked into `<name>.mcap.journal` and each is flushed. After each record comes another one,
 of a kind that other readers skip: the record's length and checksum behind a mark that nothing else has. At the session's end the
-journal is rewritten chunked, compressed and indexed as ``<name>.mcap``, read again and compared, and only then dropped. The same
+journal is rewritten chunked, compressed and indexed as `<name>.mcap`, read again and compared, and only then dropped. The same
 function finishes the journal of a session that was killed: damage costs the damaged place only, what follows it is found by the
 marks, and a journal of which more than a cut tail could not be read is kept. Journals of old have no marks; in them the next record
 is found by what a record of that session can look like.
@@ -58,7 +58,7 @@ _MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
 class Checked:
-    """A journal's stream for a ``Writer``: after each record, ``seal`` writes its check."""
+    """A journal's stream for a `Writer`: after each record, `seal` writes its check."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
@@ -141,7 +141,7 @@ class _Tally:
 
 
 def finish_journal(journal: Path, path: Path) -> Recording:
-    """Rewrites ``journal`` as ``path``, verifies it, makes it durable and removes the journal, or keeps it if it is damaged.
+    """Rewrites `journal` as `path`, verifies it, makes it durable and removes the journal, or keeps it if it is damaged.
 
     Raises:
         RecorderError: It cannot be written, or does not read back as the journal does; the journal stays.
@@ -255,7 +255,7 @@ class _Found:
 
 
 def _records(path: Path, found: _Found, kinds: Collection[int] = tuple(_KNOWN)) -> Iterator[tuple[McapRecord | None, int]]:
-    """Every record of these kinds, with its size; None for one that makes no sense. ``found`` says what could not be read."""
+    """Every record of these kinds, with its size; None for one that makes no sense. `found` says what could not be read."""
     with path.open("rb") as stream:
         head = stream.read(len(MAGIC) + _FRAME.size)
         whole = len(head) == len(MAGIC) + _FRAME.size and head.startswith(MAGIC + bytes([_HEADER]))

@@ -1,6 +1,6 @@
-"""Message definitions as a log carries them, read from the ``share`` folders of an installed ROS; no ROS is imported.
+"""Message definitions as a log carries them, read from the `share` folders of an installed ROS; no ROS is imported.
 
-A log's schema is the ``.msg`` text of a type and, after a line of 80 ``=`` and ``MSG: package/Name``, that of every type it
+A log's schema is the `.msg` text of a type and, after a line of 80 `=` and `MSG: package/Name`, that of every type it
 is made of, so that readers need no workspace.
 """
 
@@ -23,13 +23,13 @@ _PRIMITIVES = _INTEGERS | {"bool", "byte", "char", "float32", "float64", "string
 
 
 def share_directories() -> tuple[Path, ...]:
-    """The ``share`` folder of each prefix in ``AMENT_PREFIX_PATH``, overlays first."""
+    """The `share` folder of each prefix in `AMENT_PREFIX_PATH`, overlays first."""
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     return tuple(Path(prefix) / "share" for prefix in prefixes if prefix)
 
 
 class ShareSchemas:
-    """Looks types up in ``share`` folders, the first that has them winning. Its methods fit `Recorder`.
+    """Looks types up in `share` folders, the first that has them winning. Its methods fit `Recorder`.
 
     Args:
         directories: By default `share_directories`.
@@ -40,7 +40,7 @@ class ShareSchemas:
         self._text = lru_cache(maxsize=None)(self._read)
 
     def schema_text(self, type_name: str) -> str:
-        """The whole definition of ``package/msg/Name``.
+        """The whole definition of `package/msg/Name`.
 
         Raises:
             SchemaError: It, or a type that it is made of, is not installed.
@@ -49,7 +49,7 @@ class ShareSchemas:
         return self._with_parts(self._text(root), root)
 
     def service_texts(self, type_name: str) -> tuple[str, str]:
-        """The whole definitions of request and response of ``package/srv/Name``; an empty one has no field.
+        """The whole definitions of request and response of `package/srv/Name`; an empty one has no field.
 
         Raises:
             SchemaError: It, or a type that it is made of, is not installed.
@@ -95,7 +95,7 @@ class ShareSchemas:
 
 
 def dependencies(text: str, short_name: str) -> list[str]:
-    """The types (``package/Name``) that a definition's fields are made of, in order, some perhaps twice."""
+    """The types (`package/Name`) that a definition's fields are made of, in order, some perhaps twice."""
     package = short_name.split("/")[0]
     found = []
     for line in text.splitlines():

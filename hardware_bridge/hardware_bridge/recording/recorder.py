@@ -1,6 +1,6 @@
 """The session's log: one MCAP file that rosbag2, rosbags, Foxglove and PlotJuggler read without our workspace.
 
-Recorded topics get names under ``/recorded/``, to which no live node listens: playing the log moves nothing.
+Recorded topics get names under `/recorded/`, to which no live node listens: playing the log moves nothing.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _FOREVER = "{sec: 9223372036, nsec: 854775807}"
 
 
 def recorded_topic(topic: str) -> str:
-    """The name under which ``topic`` is recorded."""
+    """The name under which `topic` is recorded."""
     return PREFIX + topic.strip("/")
 
 
@@ -87,11 +87,11 @@ class Recorder:
     """Writes a log from any thread without ever waiting for the disk.
 
     A bounded queue feeds one writing thread. If the queue is full or the disk fails, that is a fault: it is latched,
-    counted, told to ``on_fault`` once, and every later ``write`` raises. Nothing is dropped silently.
+    counted, told to `on_fault` once, and every later `write` raises. Nothing is dropped silently.
 
     Args:
-        path: The log, ``….mcap``; while it lives, ``<path>.journal`` grows instead.
-        schema_text: Gives the whole definition of ``package/msg/Name``; see `ShareSchemas`.
+        path: The log, `….mcap`; while it lives, `<path>.journal` grows instead.
+        schema_text: Gives the whole definition of `package/msg/Name`; see `ShareSchemas`.
         type_hash: Gives a type's RIHS01 hash, or an empty string.
         queue_size: Messages that may wait for the disk.
         on_fault: Told the first fault, once, from the thread that met it.
@@ -175,7 +175,7 @@ class Recorder:
     # ---- writing ----------------------------------------------------------------------------------------------------
 
     def add_topic(self, topic: str, type_name: str, depth: int = 10, transient_local: bool = False) -> None:
-        """Declares a topic with its publisher's quality of service; without it, the first ``write`` does, by default.
+        """Declares a topic with its publisher's quality of service; without it, the first `write` does, by default.
 
         Raises:
             RecorderError: The topic has another type already, or a fault is latched.
@@ -198,9 +198,9 @@ class Recorder:
         """Queues one serialised message; returns at once.
 
         Args:
-            topic: As live; it is recorded under ``/recorded/``.
-            type_name: ``package/msg/Name``.
-            data: CDR, as ``serialize_message`` gives it.
+            topic: As live; it is recorded under `/recorded/`.
+            type_name: `package/msg/Name`.
+            data: CDR, as `serialize_message` gives it.
             log_time_ns: ROS time of receipt or sending, in [ns].
             publish_time_ns: ROS time of publication, in [ns]; by default the same.
 
@@ -214,11 +214,11 @@ class Recorder:
         self._put(_Message(recorded_topic(topic), log_time_ns, publish_ns, data))
 
     def add_metadata(self, name: str, data: Mapping[str, str]) -> None:
-        """Queues named strings: versions, hashes, parameters. Raises `RecorderError` as ``write``."""
+        """Queues named strings: versions, hashes, parameters. Raises `RecorderError` as `write`."""
         self._put(_Metadata(name, dict(data)))
 
     def add_attachment(self, name: str, data: bytes, media_type: str = "text/plain") -> None:
-        """Queues a whole file: configuration, calibration, library. Raises `RecorderError` as ``write``."""
+        """Queues a whole file: configuration, calibration, library. Raises `RecorderError` as `write`."""
         self._put(_Attachment(name, media_type, data, time.time_ns()))
 
     def sync(self, timeout_s: float = 10.0) -> None:

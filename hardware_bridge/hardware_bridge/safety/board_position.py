@@ -45,7 +45,7 @@ class BoardTrack:
         self._ramps.clear()
 
     def sent(self, struts: Sequence[int], pulses_us: Sequence[int], duration_ms: int, now_s: float) -> None:
-        """A frame was handed over at robot time ``now_s``: ``struts`` (from 0) to their entries of the six ``pulses_us``."""
+        """A frame was handed over at robot time `now_s`: `struts` (from 0) to their entries of the six `pulses_us`."""
         for index in struts:
             ramp = self._ramps.get(index)
             at_us = float(pulses_us[index]) if ramp is None else ramp.at(now_s)
@@ -53,5 +53,5 @@ class BoardTrack:
             self._ramps[index] = _Ramp(at_us, float(pulses_us[index]), now_s, end_s)
 
     def at_us(self, now_s: float, count: int = 6) -> tuple[float | None, ...]:
-        """The pulse that each of the struts is given at robot time ``now_s``; None: never sent."""
+        """The pulse that each of the struts is given at robot time `now_s`; None: never sent."""
         return tuple(None if (ramp := self._ramps.get(index)) is None else ramp.at(now_s) for index in range(count))

@@ -30,7 +30,7 @@ class Duty:
     spells: tuple[tuple[float, tuple[float, ...]], ...] = ()
 
     def ran(self, moved: Sequence[bool], run_s: float, now_s: float, limits: Limits) -> Duty:
-        """With ``run_s`` more for every strut that moved, and without what is too old to count."""
+        """With `run_s` more for every strut that moved, and without what is too old to count."""
         spell_s = limits.duty_window_s / _PARTS
         spells = [spell for spell in self.spells if spell[0] > now_s - limits.duty_window_s - spell_s]
         more = tuple(run_s * move for move in moved)
@@ -51,7 +51,7 @@ class Duty:
         return max(0.0, limits.duty_s - float(self.used_s(now_s, limits).max()))
 
     def wait_s(self, needs_s: np.ndarray, now_s: float, limits: Limits) -> float:
-        """Rest after which every strut may run for ``needs_s`` (6,) more, in [s] of robot time."""
+        """Rest after which every strut may run for `needs_s` (6,) more, in [s] of robot time."""
         for wait_s in (0.0, *(self._old_in_s(spell[0], now_s, limits) for spell in self.spells)):
             if wait_s >= 0.0 and (self.used_s(now_s + wait_s, limits) + needs_s <= limits.duty_s).all():
                 return wait_s
@@ -61,7 +61,7 @@ class Duty:
         return start_s + limits.duty_window_s * (1.0 + 1.0 / _PARTS) - now_s
 
     def moved_by(self, seconds: float) -> Duty:
-        """The same on a clock that reads ``seconds`` more."""
+        """The same on a clock that reads `seconds` more."""
         return Duty(tuple((start_s + seconds, run_s) for start_s, run_s in self.spells))
 
 

@@ -45,7 +45,7 @@ def known_pulses(rules: Rules, state: State, arm: Arm) -> tuple[int, ...]:
 
 
 def homing_path(rules: Rules, pulses_us: tuple[int, ...]) -> Trajectory:
-    """From ``pulses_us`` to mid stroke, all struts arriving together, the farthest at homing speed."""
+    """From `pulses_us` to mid stroke, all struts arriving together, the farthest at homing speed."""
     present_m = rules.calibration.lengths_m(pulses_us)
     mid_m = rules.calibration.mid_stroke_length_m
     way_m = max(abs(length_m - mid_m) for length_m in present_m)

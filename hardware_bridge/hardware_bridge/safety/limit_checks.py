@@ -77,7 +77,7 @@ def check_trajectory(rules: Rules, present_m: Sequence[float], trajectory: Traje
 
 
 def _check_haste(path: Trajectory, quantity: str, unit: str, speed_m_s: float, span_s: float, quanta_m: np.ndarray) -> None:
-    """Raises LimitError, in changes per ``span_s``, if a strut is anywhere more than its quantum ahead of a speed."""
+    """Raises LimitError, in changes per `span_s`, if a strut is anywhere more than its quantum ahead of a speed."""
     haste = most_hasty(path, speed_m_s * (1 + 1e-6), quanta_m + _ROUNDING_M)
     if haste.over_m > quanta_m[haste.strut] + _ROUNDING_M:
         change_mm = haste.change_m / max(haste.end_s - haste.start_s, 1e-9) * span_s * 1e3

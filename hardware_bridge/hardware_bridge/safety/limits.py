@@ -10,7 +10,7 @@ from hardware_bridge.errors import ParameterError
 
 
 class _Ranged:
-    """Refuses values outside ``RANGES`` (low, high) when constructed."""
+    """Refuses values outside `RANGES` (low, high) when constructed."""
 
     RANGES: ClassVar[dict[str, tuple[float, float]]]
 

@@ -33,7 +33,7 @@ class Haste:
 
 
 def most_hasty(path: Trajectory, speed_m_s: float, allowed_m: NDArray[np.float64]) -> Haste:
-    """The strut that is ahead of ``speed_m_s`` by most more than its ``allowed_m`` (6,), over whatever span of time.
+    """The strut that is ahead of `speed_m_s` by most more than its `allowed_m` (6,), over whatever span of time.
 
     For every strut this is the largest |x(t) - x(s)| - speed (t - s) of all s before t. Both ends of it are knots, whatever lies
     between, and one pass finds it: x - speed t above its least value so far, and the same of -x.
@@ -59,8 +59,8 @@ def most_hasty(path: Trajectory, speed_m_s: float, allowed_m: NDArray[np.float64
 
 
 def points_along(path: Trajectory, step_m: float, most: int) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Times in [s] (n,) and lengths in [m] (n, 6) of points of a path: both ends, every ``step_m`` of the way of the strut that
-    goes farthest, and wherever a strut turns; None if that would be more than ``most``."""
+    """Times in [s] (n,) and lengths in [m] (n, 6) of points of a path: both ends, every `step_m` of the way of the strut that
+    goes farthest, and wherever a strut turns; None if that would be more than `most`."""
     changes = np.abs(np.diff(path.lengths_m, axis=0)).max(axis=1)
     way = np.concatenate(([0.0], np.cumsum(changes)))
     if way[-1] / step_m > most:

@@ -7,7 +7,7 @@ command is refused whole or accepted whole, never clipped. Proof of life is judg
 asleep wakes into HOLD and not into a jump.
 
 Stopping: no board here has a command that stops a servo where it is and says so, so the struts are sent to where the board
-must be by now, if it does what it is told (``LastFrame``). No frame is more than one frame at the speed limit ahead of that, and
+must be by now, if it does what it is told (`LastFrame`). No frame is more than one frame at the speed limit ahead of that, and
 all last equally long, so a hold has nothing to make good: what is left is what the line still carries.
 """
 
@@ -75,7 +75,7 @@ Result = tuple[State, tuple[Effect, ...]]
 
 
 class _Where(NamedTuple):
-    """Pulses in [us], (6,) each: where the struts were sent, where the board is, and where the pace is, see ``LastFrame``."""
+    """Pulses in [us], (6,) each: where the struts were sent, where the board is, and where the pace is, see `LastFrame`."""
 
     sent_us: NDArray[np.float64]
     board_us: NDArray[np.float64]
@@ -102,7 +102,7 @@ class Supervisor:
         self._step_us = rules.limits.step_m * us_per_m + _HALF_US
 
     def step(self, state: State, event: Event, now: Now) -> Result:
-        """The next state and what to do. A refused event leaves the state as it was, with one ``Refuse``."""
+        """The next state and what to do. A refused event leaves the state as it was, with one `Refuse`."""
         try:
             match event:
                 case Tick():

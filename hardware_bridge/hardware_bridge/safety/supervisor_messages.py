@@ -55,7 +55,7 @@ class Now:
 
 @dataclass(frozen=True)
 class Lease:
-    """The right to command. ``proven_wall_s``: last proof of its holder's life."""
+    """The right to command. `proven_wall_s`: last proof of its holder's life."""
 
     token: str
     holder: str
@@ -67,7 +67,7 @@ class Motion:
     """A path being sent.
 
     Attributes:
-        number: Identity of the motion; homing has ``HOMING_NUMBER``.
+        number: Identity of the motion; homing has `HOMING_NUMBER`.
         path: From the lengths at its acceptance on.
         progress_s: Path time of the newest frame.
         ticked_s: Robot time at which that frame was made; None before the first.
@@ -137,7 +137,7 @@ class State:
 
 @dataclass(frozen=True)
 class Arm:
-    """Asks for the lease and for homing. ``token`` becomes the lease; a confirmed length may be None (see record)."""
+    """Asks for the lease and for homing. `token` becomes the lease; a confirmed length may be None (see record)."""
 
     holder: str
     lifted_and_clear: bool
@@ -161,7 +161,7 @@ class Prove:
 
 @dataclass(frozen=True)
 class Execute:
-    """Asks for a motion; ``stamp_age_s`` is the wall age of the asking by now, with what judging it took."""
+    """Asks for a motion; `stamp_age_s` is the wall age of the asking by now, with what judging it took."""
 
     trajectory: Trajectory
     lease: str
@@ -171,7 +171,7 @@ class Execute:
 
 @dataclass(frozen=True)
 class Hold:
-    """Ends the motion where it is. ``number``: only if this motion is the current one; None: any."""
+    """Ends the motion where it is. `number`: only if this motion is the current one; None: any."""
 
     reason: str
     number: int | None = None
@@ -212,7 +212,7 @@ class Reset:
 
 @dataclass(frozen=True)
 class Tick:
-    """Time has passed. ``congested``: the port still holds bytes, so a new frame would only queue behind them."""
+    """Time has passed. `congested`: the port still holds bytes, so a new frame would only queue behind them."""
 
     congested: bool = False
 
@@ -225,7 +225,7 @@ Event = Arm | Disarm | Prove | Execute | Hold | Stop | LinkLost | Supply | Fail 
 
 @dataclass(frozen=True)
 class Send:
-    """Make one frame: ``struts`` (indices from 0) to their entries of the six ``pulses_us`` within ``duration_ms``."""
+    """Make one frame: `struts` (indices from 0) to their entries of the six `pulses_us` within `duration_ms`."""
 
     kind: Kind
     struts: tuple[int, ...]

@@ -63,7 +63,7 @@ class Trajectory:
 
     @classmethod
     def from_names(cls, names: Sequence[str], times_s: ArrayLike, lengths_m: ArrayLike) -> Trajectory:
-        """A trajectory whose columns are in the order of ``names``, which must be S1 to S6, each once.
+        """A trajectory whose columns are in the order of `names`, which must be S1 to S6, each once.
 
         Raises:
             TrajectoryError: Wrong names or counts, or as the class.
@@ -85,7 +85,7 @@ class Trajectory:
         return float(self.times_s[-1])
 
     def starting_at(self, lengths_m: Sequence[float]) -> Trajectory:
-        """This trajectory with the knot (0, ``lengths_m``) in front.
+        """This trajectory with the knot (0, `lengths_m`) in front.
 
         Its own knot at 0 falls away if it says the same; else it comes at once behind: nothing of the path is lost, so what
         is judged and sent does not depend on where the next knot is.
@@ -100,7 +100,7 @@ class Trajectory:
         return Trajectory(np.concatenate(([0.0], times)), np.concatenate((present[None], lengths)))
 
     def at(self, time_s: float) -> NDArray[np.float64]:
-        """Lengths in [m] at ``time_s``, held beyond the ends. Shape (6,)."""
+        """Lengths in [m] at `time_s`, held beyond the ends. Shape (6,)."""
         times, lengths = self.times_s, self.lengths_m
         if time_s <= times[0]:
             return lengths[0].copy()

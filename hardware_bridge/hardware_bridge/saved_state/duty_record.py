@@ -58,7 +58,7 @@ class DutyRecord:
         self._told = False
 
     def load(self, now_s: float, time_scale: float, rested_s: float = 0.0) -> Duty:
-        """What counts still, on a robot clock that reads ``now_s``.
+        """What counts still, on a robot clock that reads `now_s`.
 
         Args:
             rested_s: For how long the actuators have rested by the operator's word, in [s] of robot time. It is taken for
@@ -80,7 +80,7 @@ class DutyRecord:
         return Duty(tuple(sorted((now_s - age_s, run_s) for age_s, run_s in spells)))
 
     def save(self, duty: Duty, now_s: float, force: bool = False) -> None:
-        """Replaces the record if it has changed, and not more often than is useful unless ``force`` is set.
+        """Replaces the record if it has changed, and not more often than is useful unless `force` is set.
 
         Raises:
             StateFileError: It cannot be written.
@@ -104,7 +104,7 @@ class DutyRecord:
         self._saved, self._saved_s = duty, wall_s
 
     def try_to_save(self, duty: Duty, now_s: float) -> None:
-        """As ``save``, but a failure is only logged, once: no motion ends for it, and ``arm`` looks again."""
+        """As `save`, but a failure is only logged, once: no motion ends for it, and `arm` looks again."""
         try:
             self.save(duty, now_s)
         except StateFileError as error:

@@ -7,7 +7,7 @@ before every arm.
 
 A real robot whose calibration does not name it is not remembered. Since it may be any of the named ones, nothing that
 was known of those before it moved counts afterwards: each opening that sends such a robot anything leaves a new mark in
-``last_pulses-nameless.json``, and a record that knows another mark is no knowledge.
+`last_pulses-nameless.json`, and a record that knows another mark is no knowledge.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class LastPulses:
     Attributes:
         path: The file.
         identity: Whose pulses.
-        why: Why nobody knows them, after ``load``, for people; empty: they are known.
+        why: Why nobody knows them, after `load`, for people; empty: they are known.
     """
 
     def __init__(self, directory: Path, identity: Identity) -> None:
@@ -46,7 +46,7 @@ class LastPulses:
         self._mark = self._read_mark()
 
     def load(self, channels: Sequence[int]) -> tuple[int | None, ...]:
-        """Last pulse in [us] of each channel; None where no trustworthy record says so, see ``why``."""
+        """Last pulse in [us] of each channel; None where no trustworthy record says so, see `why`."""
         self._saved = self._others = None
         self.why, pulses = self._look()
         if not self.why and not all(str(channel) in pulses for channel in channels):
@@ -54,7 +54,7 @@ class LastPulses:
         return tuple(pulses.get(str(channel)) for channel in channels)
 
     def save(self, channels: Sequence[int], pulses_us: Sequence[int | None], force: bool = False, durable: bool = False) -> None:
-        """Replaces the record, if it changes anything or ``force`` is set; ``durable`` waits for the disk.
+        """Replaces the record, if it changes anything or `force` is set; `durable` waits for the disk.
 
         While nobody knows a single pulse, what the file says of another calibration or board stays: nothing has moved.
 

@@ -1,4 +1,4 @@
-"""Which robot knowledge is about. A port's name says nothing: ``/dev/rfcomm0`` is every robot's."""
+"""Which robot knowledge is about. A port's name says nothing: `/dev/rfcomm0` is every robot's."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class Identity:
 
 
 def identity_of(port: str, calibration: Calibration, board: Board, handshake: Handshake | None) -> Identity:
-    """Which robot is behind a port: by its calibration's word, or the virtual prototype's (``handshake`` None: a real port)."""
+    """Which robot is behind a port: by its calibration's word, or the virtual prototype's (`handshake` None: a real port)."""
     if handshake is None:
         return Identity(calibration.robot or "", calibration.hash, board.spec)
     return Identity(handshake.instance, calibration.hash, board.spec, canonical_link(port))

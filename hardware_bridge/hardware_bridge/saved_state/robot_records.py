@@ -12,7 +12,7 @@ from hardware_bridge.saved_state.robot_identity import Identity
 
 
 class Records:
-    """Held until ``close``.
+    """Held until `close`.
 
     Attributes:
         identity: Whose.

@@ -17,7 +17,7 @@ class UnreadableError(Exception):
 
 
 def state_directory() -> Path:
-    """``$SIXSTRUT_STATE_DIR``, or ``~/.local/state/sixstrut``."""
+    """`$SIXSTRUT_STATE_DIR`, or `~/.local/state/sixstrut`."""
     configured = os.environ.get("SIXSTRUT_STATE_DIR")
     return Path(configured) if configured else Path.home() / ".local" / "state" / "sixstrut"
 
@@ -55,7 +55,7 @@ def read(path: Path) -> dict[str, object] | None:
 
 
 def write(path: Path, data: dict[str, object], durable: bool = False) -> None:
-    """Replaces a file at once, whatever it was; ``durable`` waits for the disk. Raises OSError: the old one stays."""
+    """Replaces a file at once, whatever it was; `durable` waits for the disk. Raises OSError: the old one stays."""
     temporary = path.with_suffix(f".{os.getpid()}.tmp")
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     with contextlib.suppress(FileNotFoundError):

@@ -1,4 +1,4 @@
-"""``python -m hardware_bridge.virtual_prototype``: one robot behind one pty, until SIGINT or SIGTERM."""
+"""`python -m hardware_bridge.virtual_prototype`: one robot behind one pty, until SIGINT or SIGTERM."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ class Body(Protocol):
         ...
 
     def advance_to(self, time_s: float) -> None:
-        """Steps to the last whole step not after ``time_s``."""
+        """Steps to the last whole step not after `time_s`."""
         ...
 
     def observe(self) -> Observation:
@@ -45,7 +45,7 @@ class Body(Protocol):
 
 
 class SimulatedBody:
-    """A robot of ``sim_core`` with perturbed parameters, drawn here and told to nobody; its actuators are ideal.
+    """A robot of `sim_core` with perturbed parameters, drawn here and told to nobody; its actuators are ideal.
 
     Args:
         face: It rests on.

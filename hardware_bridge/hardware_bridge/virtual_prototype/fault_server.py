@@ -1,4 +1,4 @@
-"""Where a virtual prototype says who it is, and is told to fail (see ``virtual_port`` and ``fault_injection``)."""
+"""Where a virtual prototype says who it is, and is told to fail (see `virtual_port` and `fault_injection`)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Faults:
     """What is wrong with the robot now. All times are robot time in [s]; nothing here waits.
 
     Args:
-        identity: What is said to who asks: instance, device, time scale and board of a ``virtual_port.Handshake``.
+        identity: What is said to who asks: instance, device, time scale and board of a `virtual_port.Handshake`.
 
     Attributes:
         to_board, from_board: The two ways of the line.

@@ -1,4 +1,4 @@
-"""The robot on the emulated board's pulses, with actuators that feel their load (see ``sim_core.dynamics.actuators``)."""
+"""The robot on the emulated board's pulses, with actuators that feel their load (see `sim_core.dynamics.actuators`)."""
 
 from __future__ import annotations
 

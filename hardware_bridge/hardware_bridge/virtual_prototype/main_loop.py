@@ -38,14 +38,14 @@ _LAG_S = 2.0
 
 
 class VirtualPrototype:
-    """A robot behind ``link``, alive from construction to ``close``.
+    """A robot behind `link`, alive from construction to `close`.
 
     The serial side keeps up with the clock; the body may fall behind (a slow computer, a stall) and then catches up in
     chunks, obeying each order at the robot time at which the board got it. So a body that is behind falsifies nothing. Bytes
-    that are taken late do: the computer had no time for this process; observations tell (``late_s``).
+    that are taken late do: the computer had no time for this process; observations tell (`late_s`).
 
     Args:
-        link: Where the pty is linked; see ``virtual_port`` for the files beside it.
+        link: Where the pty is linked; see `virtual_port` for the files beside it.
         body: What the outputs drive.
         calibration: The prototype's own, true one.
         board: What takes the bytes; an LSC board by default.
@@ -89,7 +89,7 @@ class VirtualPrototype:
         self._lag_told = False
 
     def run(self, ended: Callable[[], bool]) -> None:
-        """Lives until ``ended`` says so; it is asked at least every 50 ms."""
+        """Lives until `ended` says so; it is asked at least every 50 ms."""
         while not ended():
             self.turn()
 

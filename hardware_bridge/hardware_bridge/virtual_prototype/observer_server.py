@@ -1,7 +1,7 @@
 """The observer: a Unix socket that tells every client, about 20 times a second of robot time, what a camera would see.
 
-One JSON line an observation: ``{"robot_time_ns", "face", "detail", "settled", "nodes_m": 12 x 3, "box_m": 3, "late_s"}``,
-with a null ``face`` on no face. A client that does not read loses observations, never parts of a line, and holds up nobody.
+One JSON line an observation: `{"robot_time_ns", "face", "detail", "settled", "nodes_m": 12 x 3, "box_m": 3, "late_s"}`,
+with a null `face` on no face. A client that does not read loses observations, never parts of a line, and holds up nobody.
 """
 
 from __future__ import annotations

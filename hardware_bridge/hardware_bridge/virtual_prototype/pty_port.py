@@ -18,7 +18,7 @@ _LOCK_LIMIT_S = 0.5
 
 
 class PseudoPort:
-    """A raw pty whose other end is linked at ``link``.
+    """A raw pty whose other end is linked at `link`.
 
     Attributes:
         link: The link.
@@ -50,7 +50,7 @@ class PseudoPort:
         return self._near
 
     def read(self, limit: int) -> bytes:
-        """What has come, up to ``limit`` bytes, without waiting."""
+        """What has come, up to `limit` bytes, without waiting."""
         try:
             return os.read(self._near, limit)
         except BlockingIOError:

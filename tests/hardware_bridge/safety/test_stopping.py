@@ -221,7 +221,7 @@ def test_what_waits_in_the_port_is_not_put_behind_another_frame(tmp_path: Path) 
 
 
 def test_a_frame_that_was_not_sent_leaves_what_is_known_of_the_board(tmp_path: Path) -> None:
-    """The bars of ``stop`` keep a frame back after the supervisor has counted it."""
+    """The bars of `stop` keep a frame back after the supervisor has counted it."""
     rig = Rig("lsc", Rules(CALIBRATION, pacing=CALM))
     rig.arm()
     rig.execute(Trajectory([2.0], [[MID_M + 0.03, *MID[1:]]]))

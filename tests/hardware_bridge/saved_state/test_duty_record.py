@@ -67,7 +67,7 @@ def save(folder: Path, identity: Identity = BLUE, duty: Duty | None = None, limi
 
 
 def used_s(folder: Path, identity: Identity = BLUE, limits: Limits = LIMITS, rested_s: float = 0.0, in_s: float = 0.0) -> float:
-    """What counts still, if a bridge is opened now, ``in_s`` later."""
+    """What counts still, if a bridge is opened now, `in_s` later."""
     used = DutyRecord(folder, identity, limits).load(7.0, 1.0, rested_s).used_s(7.0 + in_s, limits)
     assert (used == used[0]).all()
     return round(float(used[0]), 6)

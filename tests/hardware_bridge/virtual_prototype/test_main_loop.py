@@ -1,4 +1,4 @@
-"""The bridge against the virtual prototype over its real pty, with a body without physics (see ``StillBody``)."""
+"""The bridge against the virtual prototype over its real pty, with a body without physics (see `StillBody`)."""
 
 from __future__ import annotations
 

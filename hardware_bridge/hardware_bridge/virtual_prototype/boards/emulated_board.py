@@ -18,7 +18,7 @@ class EmulatedBoard(ABC):
     """A board as its makers describe it; each kind adds its own bytes and quirks.
 
     Attributes:
-        spec: The board, as ``codecs.registry`` names it.
+        spec: The board, as `codecs.registry` names it.
         orders: What the outputs must do, with the robot time of each; whoever drives the outputs takes from the left.
         battery_mv: Supply voltage in [mV], set by whoever models the supply.
     """
@@ -39,13 +39,13 @@ class EmulatedBoard(ABC):
         return len(self._inbox)
 
     def receive(self, data: bytes, now_s: float) -> None:
-        """Bytes put on the line at robot time ``now_s``, behind those already on it."""
+        """Bytes put on the line at robot time `now_s`, behind those already on it."""
         for byte in data:
             self._line_free_s = max(self._line_free_s, now_s) + self._byte_s
             self._inbox.append((self._line_free_s, byte))
 
     def process(self, now_s: float) -> bytes:
-        """Takes in what has arrived until robot time ``now_s``; the reply to it, often empty."""
+        """Takes in what has arrived until robot time `now_s`; the reply to it, often empty."""
         reply = b""
         while self._inbox and self._inbox[0][0] <= now_s:
             time_s, byte = self._inbox.popleft()
@@ -79,4 +79,4 @@ class EmulatedBoard(ABC):
         """Half-received frames and settings are gone."""
 
     def pass_time(self, now_s: float) -> None:  # noqa: B027 - most boards do nothing by themselves
-        """Whatever the board does by itself until ``now_s``."""
+        """Whatever the board does by itself until `now_s`."""

@@ -1,11 +1,11 @@
 """An emulated Maestro.
 
-* ``Get Position`` answers the pulse that a channel is given, 0 without one; ``Get Errors`` the latched errors, and clears them.
+* `Get Position` answers the pulse that a channel is given, 0 without one; `Get Errors` the latched errors, and clears them.
 * A byte with its top bit set begins a packet; one that interrupts another packet is a protocol error, and so are data
   that belong to no packet and commands that do not exist. With CRC on, a wrong one is a CRC error and the packet is lost.
 * Every error latches its bit and sends every channel home: off, to a pulse at the channel's speed, or nowhere (*ignore*).
 * The serial time-out, if set, is such an error: no valid packet for so long, counted from the first one.
-* ``FF`` begins a Mini-SSC packet whatever the protocol, so a noise byte swallows the next two.
+* `FF` begins a Mini-SSC packet whatever the protocol, so a noise byte swallows the next two.
 * A channel's first target after power-up or off ignores its speed. Targets outside the channel's limits are clipped.
 * Speeds are forgotten by a reset. Acceleration is read and not modelled, and there is no script.
 """

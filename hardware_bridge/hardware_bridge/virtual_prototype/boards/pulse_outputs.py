@@ -67,7 +67,7 @@ class Outputs:
         self._ramps: dict[int, _Ramp] = {}
 
     def follow(self, order: Order, time_s: float) -> None:
-        """Begins an order at robot time ``time_s``."""
+        """Begins an order at robot time `time_s`."""
         match order:
             case Timed(channels, pulses_us, duration_s):
                 for channel, pulse_us in zip(channels, pulses_us, strict=True):
@@ -92,7 +92,7 @@ class Outputs:
         self._ramps[channel] = _Ramp(at_us, pulse_us, time_s, duration_s)
 
     def pulse_us(self, channel: int, time_s: float) -> float:
-        """Pulse of a channel at robot time ``time_s``; NaN while it gives none."""
+        """Pulse of a channel at robot time `time_s`; NaN while it gives none."""
         ramp = self._ramps.get(channel)
         return math.nan if ramp is None else ramp.at(time_s)
 

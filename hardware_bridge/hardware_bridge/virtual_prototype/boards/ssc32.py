@@ -1,10 +1,10 @@
 """An emulated SSC-32.
 
-* ``QP`` answers the pulse that a channel is given, in 10 us, and 0 for a channel without one; ``Q`` whether one is on its way.
-* A line goes on until its CR: a cut one swallows the next, unless ``ESC`` comes between. A line that is no command is
+* `QP` answers the pulse that a channel is given, in 10 us, and 0 for a channel without one; `Q` whether one is on its way.
+* A line goes on until its CR: a cut one swallows the next, unless `ESC` comes between. A line that is no command is
   ignored whole (assumed).
 * A channel's first move ignores its duration and speed, after power-up and after its pulse was off.
-* Offsets are kept; analogue inputs and the version are not answered (the SSC-32U has no ``VER``).
+* Offsets are kept; analogue inputs and the version are not answered (the SSC-32U has no `VER`).
 """
 
 from __future__ import annotations

@@ -22,7 +22,7 @@ _CELL = re.compile(r"(?<!\\)\|")
 
 
 class PageRow(NamedTuple):
-    """A row of the page; ``told`` are the texts that an operator sees."""
+    """A row of the page; `told` are the texts that an operator sees."""
 
     failure: str
     happens: str

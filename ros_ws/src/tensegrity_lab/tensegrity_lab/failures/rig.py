@@ -148,7 +148,7 @@ class Lab:
             wait_until(lambda: operator.face is not None, START_LIMIT_S, "an observed face")
 
     def spoil(self) -> None:
-        """The stack is of no use any more: the next ``use`` starts another."""
+        """The stack is of no use any more: the next `use` starts another."""
         self._setup = None
         self._nodes.clear()
         self.processes.kill()

@@ -26,7 +26,7 @@ class Evidence:
     rows: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def says(self, text: str, *wanted: str) -> None:
-        """The stack said this; fails unless every ``wanted`` part is in it."""
+        """The stack said this; fails unless every `wanted` part is in it."""
         for part in wanted:
             expect(part in text, f"expected {part!r} in: {text!r}")
         self.told.append(text)
@@ -52,7 +52,7 @@ class Scenario:
 
 
 def expect(condition: object, what: str) -> None:
-    """Fails, saying ``what``, unless the condition holds."""
+    """Fails, saying `what`, unless the condition holds."""
     if not condition:
         raise AssertionError(what)
 
