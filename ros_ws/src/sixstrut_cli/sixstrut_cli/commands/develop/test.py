@@ -23,6 +23,7 @@ _CHECKS = {
     "ruff check": ["-m", "ruff", "check", "."],
     "ruff format": ["-m", "ruff", "format", "--check", "."],
     "mypy": ["-m", "mypy"],
+    "imports": ["-c", "from importlinter.cli import lint_imports_command as check; check()"],
 }
 
 
@@ -33,7 +34,7 @@ def command(
     context: typer.Context,
     soak: Annotated[bool, typer.Option("--soak", help="The long tests instead, with their figures: a quarter of an hour.")] = False,
 ) -> None:
-    """Run the linter, the format check, the type checker and all tests.
+    """Run the linter, the format check, the type checker, the rules of who imports whom, and all tests.
 
     With arguments, run only pytest with these: ./sixstrut test tests/unit -k codec
 
