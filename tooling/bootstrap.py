@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Behind ./sixstrut: sets the checkout up if that is not done yet, then becomes the command that was asked for.
 
     ./sixstrut COMMAND …   set up if needed, then run the command

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Repairs the ROS wheels' CMake files, which name the Python of the machine that built them.
 
 The message packages export include directories such as `/opt/python/cp312-cp312/include/python3.12` and that Python's

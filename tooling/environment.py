@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The environment that ROS programs of this checkout run in.
 
 The virtual environment is the underlay (its `share` and `lib` hold the ROS wheels), ros_ws/install lies over it. An apt

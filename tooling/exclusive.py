@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One set-up at a time in one checkout."""
 
 from __future__ import annotations

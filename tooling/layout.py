@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where set-up puts things, and the error it raises."""
 
 from __future__ import annotations

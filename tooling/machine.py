@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Is this machine one that the packages run on? Every problem is named with its remedy, all at once."""
 
 from __future__ import annotations

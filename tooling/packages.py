@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The virtual environment: Python packages and the ROS 2 wheels, exactly those of requirements.lock."""
 
 from __future__ import annotations

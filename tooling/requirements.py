@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Reads requirements.lock: which packages, with which hashes, hold for which Python."""
 
 from __future__ import annotations

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Servo-board codecs, serial transport, safety supervisor, virtual prototype and MCAP recorder. Knows no ROS."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Everything that can be refused or go wrong here: one line that says what was got, what is valid, what to do.
 
 Every error carries its data as attributes, so that callers need not parse messages.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Errors of the robot model. Each says what was got, what is valid and what to do."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boards as exact straight lines, driven by the real engine on a clock that the test sets.
 
 Written anew, with nothing of the virtual prototype or of the bridge's own account of its board: what a servo is told at every

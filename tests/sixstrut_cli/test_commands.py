@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The commands as a user types them, in a process of their own where exit codes and streams matter."""
 
 import json

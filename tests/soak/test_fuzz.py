@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A million byte sequences through everything that decodes bytes, and through the transport on a real pty."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An hour of robot time, rolls one after the other, with faults at random: nothing leaks, every roll is accounted for."""
 
 from __future__ import annotations

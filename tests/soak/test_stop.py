@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stop, again and again, while the log is written and a rehearsal loads all cores."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A Foxglove app as the protocol sees it: JSON texts and little-endian binary messages on a WebSocket."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The console before a robot that only stands there: its real server, viser and page; what would be asked of a stack is printed.
 
 python standing.py PORT TOKEN

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a click on the floor means, and where a roll's ghost stands."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a page may ask for: a gate that knows every order, and refuses the rest with a word."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A session's panel seen from elsewhere, and keys pressed there: with real ROS and real pipes."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the console keeps of what it hears: no number that is none, no text that steers, nothing that is far too large. Real ROS."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A session of trials judged in the browser: the page's big keys are the session's own."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a page's 3D view may say, and what viser does not do whoever says it."""
 
 import asyncio

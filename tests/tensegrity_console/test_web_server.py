@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who may see and ask: the secret, other sites' pages, other names of the machine, guesses, deaf pages. Real sockets."""
 
 import asyncio

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A person at a real terminal: reads what a command prints on a pty, and presses keys."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parts of set-up that decide, on a checkout where nothing is installed."""
 
 import os

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The frame around the commands: what an error, a wrong usage or Ctrl-C comes to."""
 
 import subprocess

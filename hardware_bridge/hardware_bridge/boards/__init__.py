@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Servo boards as bytes: a board is a codec and its quirks."""

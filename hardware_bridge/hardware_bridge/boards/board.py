@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Servo boards as bytes. A board is a codec (pure functions, value to bytes and back) plus its quirks.
 
 No board reports where an actuator is; what some call a position is the pulse that was commanded. No board acknowledges

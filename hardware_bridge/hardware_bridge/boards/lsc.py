@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Hiwonder / LewanSoul LSC-6, -16, -24: `55 55 Len Cmd prm...`, Len = number of parameters + 2, little-endian.
 
 9600 baud, 8N1, no checksum, no acknowledgement. Source: Hiwonder, "controller communication protocol" V1.2.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pololu Maestro: binary commands, compact or Pololu protocol, with or without CRC-7; no acknowledgement.
 
 Source: Pololu, "Maestro servo controller user's guide" (0J40), 4.e and 5.a to 5.e. Targets are in quarter microseconds,

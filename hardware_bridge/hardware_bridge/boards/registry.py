@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boards by the names that parameters, calibration files and command lines use."""
 
 from __future__ import annotations

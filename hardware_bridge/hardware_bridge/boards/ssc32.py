@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lynxmotion SSC-32 and SSC-32U: lines of ASCII, ended by CR; no checksum, no acknowledgement.
 
 Source: Lynxmotion, "SSC-32U USB servo controller board user guide", pp. 24-26, 33-34 and 38-39; the cancel (`ESC CR`)

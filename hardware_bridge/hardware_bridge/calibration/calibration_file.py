@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Calibrations on disk: whole ones, written atomically, and the unfinished one that a person may leave and come back to."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bridge: one port, one board, one supervisor, one stream of events."""
 
 from __future__ import annotations

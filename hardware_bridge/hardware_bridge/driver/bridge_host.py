@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A bridge in a process of its own: what owns the port and the frame timer shares its interpreter with nothing else.
 
 The other end of a connection (see `remote_bridge`) opens it and calls it; what happens to the robot goes back over the same

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bridge's inside: does what the supervisor says, and keeps the numbered stream of what really happened.
 
 One lock orders everything: an event for the supervisor, the bytes it leads to, the number (`seq`) and robot time of

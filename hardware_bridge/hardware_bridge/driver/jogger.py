@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One strut at a time, by hand: what calibrating needs of a board, with no supervisor, because there is no calibration yet.
 
 A person stands by, and every step is short: at most `STEP_US` (about 1 mm) each `STEP_S`.

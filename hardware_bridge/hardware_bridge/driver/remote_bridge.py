@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bridge as seen from another process: the same calls and callbacks; port and frame timer are in a process of their own."""
 
 from __future__ import annotations

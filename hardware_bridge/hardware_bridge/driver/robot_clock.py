@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Robot time: the steady clock since the port was opened, times the time scale."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether a frame would only queue behind others: then it is not sent, and the motion goes on later."""
 
 from __future__ import annotations

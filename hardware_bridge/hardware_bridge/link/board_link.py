@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The open port with its board: writes frames, asks how the board is, and says when either is gone."""
 
 from __future__ import annotations

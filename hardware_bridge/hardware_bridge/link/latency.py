@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How long things took lately, as percentiles."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One holder a port on this machine, however its name is spelled.
 
 What is locked is the device behind a path (its number in the kernel, so also through another link or node), or the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bytes in, bytes out, over a device or a socket: `/dev/rfcomm0`, `socket://host:port`, a pty.
 
 A transport opens exclusively, writes all, reads exactly, closes; it knows no protocol. Every failure is an error that

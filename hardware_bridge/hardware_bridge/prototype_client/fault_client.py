@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Telling a virtual prototype to fail, through the Unix socket beside its link. For tests; a real robot has no such thing.
 
 One connection, one request: a line of JSON in, a line of JSON back. What exists is in `FAULTS`; `clear` ends all

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How a bridge knows that a port is the virtual prototype: not by its name, and not by what a file says, but by proof.
 
 Beside the link `L` the prototype keeps `L.lock` (locked while it lives), `L.observer` and `L.faults` (Unix sockets, see

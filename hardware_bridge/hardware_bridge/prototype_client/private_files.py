@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Folders, files and sockets that are this user's alone: nothing that others could have put there, nothing through a link.
 
 In a folder that several users share, such as `/tmp`, a name proves nothing: whoever comes first has it. What counts is

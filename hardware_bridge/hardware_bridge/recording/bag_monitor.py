@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether the bag grows and has room to. Knows no ROS."""
 
 from __future__ import annotations

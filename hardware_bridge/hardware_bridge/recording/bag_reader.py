@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one opener of bags, with no ROS installed: what was sent, what was seen, what the twin said.
 
 A bag comes from anywhere. So it is read once from its beginning to its end, checksums on, and nothing that it says about itself is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the tools read of a bag's messages: the types of our topics and their fields, old versions' included.
 
 A field that a definition gives the right type is decoded to the right type; so whoever reads it need only ask for its value.

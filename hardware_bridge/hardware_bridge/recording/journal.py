@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a journal, safe against crashes, to a log, good for readers.
 
 While a session lives, messages go unchunked into `<name>.mcap.journal` and each is flushed. After each record comes another one,

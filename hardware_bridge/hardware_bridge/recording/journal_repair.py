@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Finishes the journal of a dead session in a process of its own, with limits: whatever is in it, only that process can die of it.
 
 `python -m hardware_bridge.recording.journal_repair JOURNAL LOG` prints one line for people; exit code 0 if the log is made.

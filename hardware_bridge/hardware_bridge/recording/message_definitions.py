@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Message definitions as a log carries them, read from the `share` folders of an installed ROS; no ROS is imported.
 
 A log's schema is the `.msg` text of a type and, after a line of 80 `=` and `MSG: package/Name`, that of every type it

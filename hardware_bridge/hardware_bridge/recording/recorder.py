@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The session's log: one MCAP file that rosbag2, rosbags, Foxglove and PlotJuggler read without our workspace.
 
 Recorded topics get names under `/recorded/`, to which no live node listens: playing the log moves nothing.

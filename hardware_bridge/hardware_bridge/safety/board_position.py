@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a board's outputs are, by the frames that it was handed: the last gate's own account, beside the supervisor's."""
 
 from __future__ import annotations

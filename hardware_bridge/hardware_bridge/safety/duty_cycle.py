@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How long each strut has run lately. The actuators' makers permit 20 % of the time; what is counted is what was sent."""
 
 from __future__ import annotations

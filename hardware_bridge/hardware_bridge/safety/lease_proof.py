@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Proofs of life of the lease's holder: a counter that only who has the lease can go on with.
 
 The lease is a secret between the bridge and whom it armed. It is on no topic: what is sent again and again is a counter and its

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Limits applied: to a whole trajectory before it is accepted, and to every frame before it becomes bytes.
 
 The two are written separately on purpose: a mistake in one does not open the other.

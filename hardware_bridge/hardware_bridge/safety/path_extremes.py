@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a path is, however densely it is sampled: a knot on the line between its neighbours changes nothing here."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Verdicts on shapes, made before a command is judged and only looked up while it is: the frame loop never waits for a solver."""
 
 from __future__ import annotations

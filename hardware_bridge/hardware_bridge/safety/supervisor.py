@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The safety supervisor: a pure state machine, (state, event, now) -> (state, effects).
 
     DISARMED -> HOMING -> ARMED <-> HOLD,   FAULT (latched; left only by reset, to DISARMED)

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The supervisor's vocabulary: its state, the events it takes and the effects it answers with. Values only."""
 
 from __future__ import annotations

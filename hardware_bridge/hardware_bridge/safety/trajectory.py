@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rest lengths over time: knots, joined by straight lines."""
 
 from __future__ import annotations

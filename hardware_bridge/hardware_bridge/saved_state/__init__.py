@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is remembered of one robot over restarts: last pulses, duty, and whose they are."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How long each strut has run lately, kept over restarts of the bridge: motors stay warm.
 
 It belongs to the actuators: one file a robot, whatever its calibration, board and port. What nobody knows counts as

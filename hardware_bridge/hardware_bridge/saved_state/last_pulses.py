@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The last pulses, kept over restarts: no board can be asked where its actuators are, and none remembers after a reset.
 
 One file a robot, replaced atomically *before* each write to the board. It says of which robot, calibration and board the

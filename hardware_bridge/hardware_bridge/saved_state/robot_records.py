@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is remembered of one robot, and that only one bridge at a time remembers it."""
 
 from __future__ import annotations

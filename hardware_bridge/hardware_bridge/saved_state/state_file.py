@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small JSON files that outlive the bridge: replaced whole, never written or read through a link, never larger than they may be."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`python -m hardware_bridge.virtual_prototype`: one robot behind one pty, until SIGINT or SIGTERM."""
 
 from __future__ import annotations

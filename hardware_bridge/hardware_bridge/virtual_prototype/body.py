@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot that hangs on the emulated board: a perturbed model, stepped to robot time."""
 
 from __future__ import annotations

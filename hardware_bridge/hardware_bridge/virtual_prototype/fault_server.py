@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where a virtual prototype says who it is, and is told to fail (see `virtual_port` and `fault_injection`)."""
 
 from __future__ import annotations

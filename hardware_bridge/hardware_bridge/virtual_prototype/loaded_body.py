@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot on the emulated board's pulses, with actuators that feel their load (see `sim_core.dynamics.actuators`)."""
 
 from __future__ import annotations

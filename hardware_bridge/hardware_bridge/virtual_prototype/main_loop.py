@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The loop that joins port, board, body and observer in robot time."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The observer: a Unix socket that tells every client, about 20 times a second of robot time, what a camera would see.
 
 One JSON line an observation: `{"robot_time_ns", "face", "detail", "settled", "nodes_m": 12 x 3, "box_m": 3, "late_s"}`,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The pty behind a link at a well-known path: one living owner a link, and nothing left behind."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Six servo linear actuators on one supply: what becomes of commanded lengths under load.
 
 The solver's own actuator goes to its target at a constant speed whatever the load, and stays. This model stands between a command

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where compiled kernels are kept between processes.
 
 numba looks only at the file of the cached function itself: after a change of a function that it calls in another file it

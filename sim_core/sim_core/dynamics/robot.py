@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One simulated robot: a model and its state."""
 
 from __future__ import annotations

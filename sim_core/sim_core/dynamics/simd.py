@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Numbers for the kernels: one robot's float64, or eight robots' side by side in the lanes of the vector unit.
 
 The kernels' formulas are written once, on the operations below and + − × ÷, on *rows*: a row of a 1-D array is one robot's

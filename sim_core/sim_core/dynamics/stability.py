@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The largest stable time step, from the model itself: 2 / ω_max of the linearised system."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """On which face the robot stands, and how near its parts are to each other."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The VFIFE step: particles joined by massless beams and cables, rigid joints, Coulomb contact, explicit leapfrog.
 
 One robot is three flat columns of rows, cut up by `Layout`: `state` (changes), `par` (its own masses, ropes, strut speeds,

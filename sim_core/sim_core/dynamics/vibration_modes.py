@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Small vibrations of the robot at rest: natural frequencies of the linearised model, and of a simulated free vibration."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whole files, bounded: whatever a path leads to, reading it takes little time and memory. Light to import."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Texts from outside, made fit to be shown and kept."""
 
 from __future__ import annotations

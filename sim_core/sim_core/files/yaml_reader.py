@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The one reader of YAML: strict, bounded in everything, and light to import.
 
 Files come from anywhere: from other people, out of bags, half written. So a file is bounded in size, nodes, depth and digits before

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Primitives, their 24 gaits, how probable each is to succeed, and doing one."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How steep a library's gaits still roll straight uphill, with actuators that feel their load: a number for each primitive.
 
 Symmetry makes it the same for all 24 gaits of a primitive. Gaits that are equally sure on level ground are not so on a slope.

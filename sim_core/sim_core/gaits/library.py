@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Primitive libraries: policies for the reference pair, in one YAML file, and the gaits made of them by symmetry."""
 
 from __future__ import annotations

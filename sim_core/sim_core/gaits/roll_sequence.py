@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The phases of one roll as a small state machine. Knows no ROS and no clock: told what is known, it answers what to do next.
 
     (go to neutral, settle,) actuate, settle, return to neutral, settle, have the face confirmed

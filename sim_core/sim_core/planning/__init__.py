@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which rolls to make: between faces, and to a point on the floor."""

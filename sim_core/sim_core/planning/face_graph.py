@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The graph of faces: from each face the rolls over its tendon edges, with all gaits that do them and their odds."""
 
 from __future__ import annotations

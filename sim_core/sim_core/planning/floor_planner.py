@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ways over the floor: where each roll takes the robot, and the likeliest sequence of rolls to a goal.
 
 Standing at rest on a face, the robot turns over an edge of its base onto the neighbour: the two nodes of that edge stay where

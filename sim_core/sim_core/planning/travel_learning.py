@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a travel's own rolls say of the next ones: of its gaits, and of the way the ground leans.
 
 A mixed logistic regression, fitted anew after every roll (its posterior mode; Breslow and Clayton 1993):

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a roll is, and whether it succeeded: one, or many at once."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Many rolls at once: eight robots in the lanes of the vector unit, blocks of lanes over the cores.
 
 Robots may differ (perturbed prototypes, slopes, first faces, policies). A lane whose roll is over takes the next job, so none

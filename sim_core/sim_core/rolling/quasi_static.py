@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The previous model's way through a roll: quasi-static steps, each relaxed with kinetic damping.
 
 Rest lengths change by at most INCREMENT_M at a time, all struts together, each stopping at its own target. After each change

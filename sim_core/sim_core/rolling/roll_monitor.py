@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Watching a roll while it is simulated: the compiled half of `roll`, the same for one robot and for a robot in a lane.
 
 A roll's course is kept in a *record*, a row of numbers. `look` is called every SAMPLE_S of simulated time: it updates the record

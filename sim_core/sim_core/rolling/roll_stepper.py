@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One robot through one watched roll, sample by sample: `roll_monitor` and `quasi_static` for a single robot."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The shape that six rest lengths give a robot that nothing touches, and whether a real one may take it.
 
 A floating, weightless copy of the robot follows the lengths slowly, damped near critically, until it is at rest. What is judged is

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiles every kernel once, into numba's cache (see `compiled_cache`): `python -m sim_core.rolling.warm_up`.
 
 How compiled code is found again: its folder is named by the sources of this package; in it, numba keys a function by its file's

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Finding primitives: a genetic algorithm and what it tries them on."""

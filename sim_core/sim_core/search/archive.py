@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The best policies found so far, no two alike: what a generator breeds from, and what its library is chosen from."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How good a policy is, as one number: what the generator climbs.
 
 below 1      it did not roll: the farther the centre of mass got past an edge, the more

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The gait generator: a genetic algorithm around the simulator, for both classes of rolls at once.
 
 Every generation breeds policies for robots resting on the two reference faces and rolls them on the nominal robot, wherever they

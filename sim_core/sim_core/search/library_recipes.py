@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The plans of the shipped libraries: `./sixstrut search NAME` makes each of them again."""
 
 from __future__ import annotations

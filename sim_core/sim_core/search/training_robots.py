@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """On which robots a search tries its policies, and with which gaits."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The genetic operators: policies bred from better ones. Genes are the six strokes, whole mm, in the reference pair's labelling."""
 
 from __future__ import annotations

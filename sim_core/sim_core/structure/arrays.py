@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The type of every array of numbers here."""
 
 from __future__ import annotations

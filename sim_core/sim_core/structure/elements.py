@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot as particles, beams, cables and contact points with explicit numbers: what the kernel, and any other solver, needs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The prototype: every number that the solver uses, each with unit and source, from one YAML file."""
 
 from __future__ import annotations

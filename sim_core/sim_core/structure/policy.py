@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Policies: six strokes in whole millimetres."""
 
 from __future__ import annotations

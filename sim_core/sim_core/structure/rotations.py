@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Vectors and rotations outside the kernel: quaternions (w, x, y, z) and matrices, numpy arrays.
 
 What goes into a model or a robot's state is made of elementwise operations only (no BLAS, no vectorised sine), so that it has the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot's symmetry group T_h (24 elements, 12 of them reflections) and the 24 gaits it makes of one primitive.
 
 The elements are the signed cyclic permutation matrices acting on the body coordinates of `structure.NODES`. Exactly one

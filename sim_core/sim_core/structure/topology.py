@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The six-strut tensegrity: nodes, struts, tendons, faces and which faces touch.
 
 Numbers in names start at 1 (node 1..12, S1..S6, T1..T24); array indices start at 0. Coordinates are in units of the strut

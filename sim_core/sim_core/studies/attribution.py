@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which uncertainty kills which gait: failed trials again, with one uncertainty taken away and with one alone.
 
 Errors belong to the prototype's number and member, so taking a group away leaves all others as they were: the failure either

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Success rates with intervals."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Chunks on any number of machines: the runner of a Dask cluster, beside the one of this machine.
 
 A chunk's trials depend on the chunk alone, so they are the same on any number of workers. A chunk whose worker is lost runs again

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fitting robots to outcomes: an ensemble of members, weighted by the trials that they foretell.
 
 Every tried gait is rolled on every member by the batch solver. A trial is won if the robot stood on the target after actuation and

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Odds of a library's gaits on one robot: what was thought before, and what its own trials say, gait by gait (Beta–Bernoulli)."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every gait's odds on one robot: from a fitted ensemble, or from what was known before, and from its own trials."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rehearsal: a gait on an ensemble of perturbed robots, before the real one moves: the odds, and where it may end."""
 
 from __future__ import annotations

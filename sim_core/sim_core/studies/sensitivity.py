@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What each number of the model influences: how often a roll's outcome changes when it is a little different.
 
 Computed, not asserted.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Independent pieces of work: prototypes by (law, seed, index) and rolls of them, small to send and the same wherever they run.
 
 A runner takes chunks and gives back their trials, in order. `run_here` is the runner of one machine; a cluster's has the same form.

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """The digital twin, without ROS: it follows a bridge's events bit for bit."""

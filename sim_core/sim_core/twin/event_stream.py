@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One stream of events from the bridge's two topics, through late joining and restarts of the bridge. Knows no ROS.
 
 Within a topic events arrive in order; between the two topics they may not. Whoever joins late gets the last faces of the past,

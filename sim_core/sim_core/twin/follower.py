@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A twin that follows what really happened to the robot, bit for bit the same live and from a bag.
 
 The bridge numbers everything that happens to the robot — rest lengths sent to the board, faces observed — in one stream. The

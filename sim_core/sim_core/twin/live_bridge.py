@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which bridge is alive, and what of all that is heard is its own: a recording played beside it must mislead nobody. Knows no ROS.
 
 A bridge numbers its sessions with random names. The live one is told by its state: that comes twice a second with the stamp of now,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Models that are frozen: named, so that libraries, bags and figures say which robot they belong to, and never change unnoticed.
 
 The nominal robot of a release is one of them. A change of its numbers, or of the solver's arithmetic, is a new version: a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """When a followed robot is at rest. Knows no ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A twin that is the robot itself, on its own clock. Knows no ROS."""
 
 from __future__ import annotations

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which robots this one might be: laws, samples, ensembles, weights."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a robot may differ in from its drawing, and prototypes drawn from that: the law of the robustness study.
 
 Every uncertainty is a group of members (48 ropes, six struts, …), each off by an error that is uniform in ±(width · scale).

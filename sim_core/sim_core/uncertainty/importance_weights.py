@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What outcomes of trials say of a robot: weights of an ensemble's members, by Bayes' rule. Pure functions of arrays.
 
 A member is a point in normal scores, z ~ N(0, I) under the prior; `members` makes a robot of it. A member's likelihood counts the

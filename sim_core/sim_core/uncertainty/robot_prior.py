@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Robots of which outcomes of trials can tell: errors that a whole robot shares, on top of those of its single members.
 
 One rope more or less changes little; what decides whether *this* robot rolls is common to all its trials: the floor's friction and

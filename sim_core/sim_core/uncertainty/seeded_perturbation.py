@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Perturbed prototypes: the same robot as it might really have been built."""
 
 from __future__ import annotations

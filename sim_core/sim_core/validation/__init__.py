@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The validation suite: the solver against closed forms and independent computations, one small module a topic.
 
 Every case is a function of a `Setting` that returns a `Case`: a number measured on the solver, a reference that the solver had no

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bytes of the LSC boards, against the maker's "controller communication protocol" V1.2, and against any bytes at all."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Calibrations on disk, whole and unfinished."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From readings to a strut's calibration."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bridge with each board, emulated behind a real pty with its quirks."""
 
 from __future__ import annotations

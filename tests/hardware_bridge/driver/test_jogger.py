@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One strut by hand, over a real pty."""
 
 from __future__ import annotations

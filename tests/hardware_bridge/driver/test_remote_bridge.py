@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A bridge in a process of its own: same calls, same errors, and whichever of the two processes dies, the struts are held."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A board that can answer and never has is not armed without the operator's word."""
 
 from __future__ import annotations

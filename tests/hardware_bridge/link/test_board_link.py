@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The link against emulated boards without a pty between, so that a frame can be cut anywhere."""
 
 from __future__ import annotations

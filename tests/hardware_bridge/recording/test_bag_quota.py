@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Of what others publish the bag keeps what the stack itself may say, and not what a flood says."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The budget of running time, counted spell by spell."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Proofs of life: only the holder can go on, and nothing counts twice."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a slow judge said is remembered; what it never saw is not permitted."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What servos are told, on boards that interpolate: never faster than the limit, and where they are when told to stop."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Last pulses belong to a robot with its calibration and board, never to the name of a port."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot is known, not the name of its port: what a bridge believes after another robot, calibration, board or port."""
 
 from __future__ import annotations

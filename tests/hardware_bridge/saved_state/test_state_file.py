@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Files that outlive the bridge, in a folder where somebody meant harm."""
 
 from __future__ import annotations

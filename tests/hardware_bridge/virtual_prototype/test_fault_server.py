@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The faults that a virtual prototype can be told to have: on its line, its board, its supply and its struts."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The simulated robot with actuators that feel their load, without a board."""
 
 from __future__ import annotations

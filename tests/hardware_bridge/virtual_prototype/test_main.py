@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The prototype as its user starts it: a process, with the simulated robot."""
 
 from __future__ import annotations

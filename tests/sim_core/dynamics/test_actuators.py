@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Actuators under load: each effect alone, its size by hand, and what must hold for any command and load."""
 
 from __future__ import annotations

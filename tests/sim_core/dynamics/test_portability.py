@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same bits on every x86-64 processor: a plain one is imitated by switching the vector units off."""
 
 import os

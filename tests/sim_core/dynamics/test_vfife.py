@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The elements against closed forms and conservation laws."""
 
 from dataclasses import replace

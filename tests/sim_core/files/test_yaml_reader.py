@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whatever the bytes, a document comes out or one short line: in bounded time and memory."""
 
 import os

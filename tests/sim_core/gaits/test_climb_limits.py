@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How steep gaits climb: the shipped numbers, and what becomes of them."""
 
 import pytest

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where to roll next, and when to give up: without ROS, with the robot's own floor."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a travel learns from its own rolls."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Why one gait stands for 24: gait g on the image of a prototype is the reference gait on the prototype itself."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The paper's previous, idealised model: the same API and judgement, quasi-static."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Shapes that the structure may take, and those it must not."""
 
 from __future__ import annotations

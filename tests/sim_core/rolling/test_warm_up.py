@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Compiled code outlives the process that compiled it, also in a checkout that was never used before. No clock decides."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Fits: outcomes of a hidden robot narrow down what it is; files hold what was fitted."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One stream from two topics."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Which bridge is alive: its states are stamped now, and everything of another session is ignored while it speaks."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The twin as the robot, and when a robot rests."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Weights, rounds and scores, against closed forms."""
 
 import numpy as np

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every validation case, as a test; the longest runs are shortened."""
 
 from dataclasses import replace

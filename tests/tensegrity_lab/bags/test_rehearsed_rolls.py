@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut odds`: rehearsals in bags against what then happened."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Replaying the recorded session that ships with the repository, and sessions that were tampered with."""
 
 import re

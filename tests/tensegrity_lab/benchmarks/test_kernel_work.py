@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A step's work, counted: a slower kernel is found here, whatever the computer does meanwhile. No clock decides a test."""
 
 import numpy as np

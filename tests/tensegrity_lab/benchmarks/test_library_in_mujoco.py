@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A library's counts in the other engine; the engine itself is not among the packages of the tests."""
 
 import numpy as np

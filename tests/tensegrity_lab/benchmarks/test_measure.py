@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the benchmark compares, and what it prints, without MuJoCo and without a clock."""
 
 import json

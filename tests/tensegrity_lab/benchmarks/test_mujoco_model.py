@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot as MuJoCo gets it, read as XML: MuJoCo itself is not among the packages of the tests."""
 
 import xml.etree.ElementTree as ElementTree

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What `bench --stack` makes of times it was given, and what it prints. No clock decides."""
 
 import json

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The report's statistics: against cases worked out by hand, against the paper's counts, and against each other."""
 
 from __future__ import annotations

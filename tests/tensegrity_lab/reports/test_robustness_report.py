@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is said about a study, on a study made up: no robot is rolled."""
 
 import csv

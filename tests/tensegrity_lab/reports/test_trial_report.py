@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The report: every number in its page and tables follows from the ledgers, and from nothing else."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command validate: its page, its pictures, its exit codes."""
 
 import json

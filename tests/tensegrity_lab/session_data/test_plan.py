@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is tried, in which order, and how long it takes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What waits while processes are being put away."""
 
 import os

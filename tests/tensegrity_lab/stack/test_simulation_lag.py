@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How late a virtual prototype is."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is virtual stays virtual: beside a real robot's bridge, in the domain that the shell exports, it never reaches the board."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A tiny campaign: computed sessions that the other commands read, and the same trials by real processes."""
 
 import re

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut fit`: from sessions and bags to an ensemble and odds; what does not belong together is refused."""
 
 import json

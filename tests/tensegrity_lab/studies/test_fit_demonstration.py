@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The demonstration of learning, as small as it can be: what it counts adds up, and the hidden robot stays hidden."""
 
 from dataclasses import replace

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The study of travels: its cases, its file, its page. Trips are made up here: real ones take minutes each."""
 
 from dataclasses import replace

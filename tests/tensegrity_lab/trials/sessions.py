@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Sessions as files, made without any robot."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One commander at a time, and none of them is a bag."""
 
 from __future__ import annotations

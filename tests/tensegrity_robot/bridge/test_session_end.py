@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A signal in mid-roll: the struts are held, the bag is whole, and the twin can be had back from it bit for bit."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The real judge of shapes behind the real node."""
 
 from __future__ import annotations

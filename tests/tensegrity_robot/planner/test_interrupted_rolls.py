@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rolls that are ended in the middle: slowly enough that the middle is met on a busy machine, too."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The planner tries a roll on perturbed twins before the robot does it."""
 
 from __future__ import annotations

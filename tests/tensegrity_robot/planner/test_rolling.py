@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One running stack: what is refused, and rolls."""
 
 from __future__ import annotations

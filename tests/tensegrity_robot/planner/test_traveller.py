@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The traveller before a real stack: arrives, replans, is refused, is called off."""
 
 import math

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Bytes of messages: exactly as long as readers that are not ours expect."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who may find the robot: loopback by default, wider networks only by choice."""
 
 from __future__ import annotations

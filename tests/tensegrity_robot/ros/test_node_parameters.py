@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The shipped parameter files say what the nodes say of themselves."""
 
 from __future__ import annotations

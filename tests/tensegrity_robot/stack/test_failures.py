@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Every row of docs/failures.md, with the real nodes and a virtual prototype behind a real pty: `./sixstrut faults` as tests."""
 
 from __future__ import annotations

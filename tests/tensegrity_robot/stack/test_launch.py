@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The launch file: what cannot be is refused before anything starts, and no process outlives another or the launch.
 
 Where the real `launch` and `launch_ros` are not installed, the file is loaded with stand-ins that only keep what they are given.

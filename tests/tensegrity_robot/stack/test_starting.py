@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How the executables start, alone and together, and how they refuse to."""
 
 from __future__ import annotations

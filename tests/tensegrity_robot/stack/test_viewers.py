@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What RViz, Foxglove and PlotJuggler are shown: stamps, frames, names; and layouts that name what is there."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The stack's own benchmark on real processes, with a twin at 200 Hz; and what such a twin must not lose: its bits."""
 
 from __future__ import annotations

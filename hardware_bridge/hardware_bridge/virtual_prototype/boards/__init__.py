@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Emulated servo boards, by the bytes they take and answer."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The serial side that all emulated boards share: bytes in at the baud rate, replies and orders for the outputs out.
 
 All times are robot time. Bytes take ten bits each, and a command acts when its last byte is in. Nothing is acknowledged.

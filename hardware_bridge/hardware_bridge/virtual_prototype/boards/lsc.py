@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An emulated LSC board.
 
 * Only a battery query is answered.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An emulated Maestro.
 
 * `Get Position` answers the pulse that a channel is given, 0 without one; `Get Errors` the latched errors, and clears them.

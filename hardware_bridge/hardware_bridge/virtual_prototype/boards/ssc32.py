@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An emulated SSC-32.
 
 * `QP` answers the pulse that a channel is given, in 10 us, and 0 for a channel without one; `Q` whether one is on its way.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The command line's frame: finds the command, runs it, and turns errors into one line and an exit code.
 
 A command is a module in `sixstrut_cli/commands/` with a function `command`, annotated as typer wants it:

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The table of commands. Standard library only: set-up reads it before anything is installed."""
 
 from __future__ import annotations

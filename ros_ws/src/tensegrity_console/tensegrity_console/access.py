@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who may talk to a server of ours: whoever has the address that it printed, from no page but those that are let in.
 
 The secret is the first part of the address's path. It is in no cookie: browsers send a host's cookies to every port of that host,

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The whole stack: bridge, planner, traveller, twin; with `virtual:=true` (the default) also a virtual prototype to drive.
 
     ros2 launch tensegrity_robot tensegrity.launch.py

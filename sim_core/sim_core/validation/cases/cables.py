@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ropes carry tension only; prestress is the ideal tensegrity's."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Ground contact and friction, on separate bodies."""
 
 from __future__ import annotations

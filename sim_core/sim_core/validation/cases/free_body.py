@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A body that nothing acts on keeps what mechanics says it keeps."""
 
 from __future__ import annotations

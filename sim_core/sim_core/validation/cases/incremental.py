@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The beam's total form against the incremental form.
 
 The incremental form is the textbook VFIFE one, written here from its description and used nowhere else: from one moment to the

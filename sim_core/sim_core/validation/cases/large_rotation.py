@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A cantilever bent far: rolled up to a circle by an end moment, and under a tip load against the elastica.
 
 The kernel's bending strain is θ = e × a, the sine of the angle between an element's chord and its end. An element of a uniform arc

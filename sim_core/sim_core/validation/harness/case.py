@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a validation case is: one number measured on the solver beside a reference that the solver had no part in."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot's equations of motion a second time, without the kernel: energy by its formulas, forces as its derivatives by complex
 step (exact to round-off, no cancellation), motion by a high-order integrator. Slow and plain on purpose."""
 

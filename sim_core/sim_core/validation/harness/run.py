@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stepping a structure that the kernel was not made for: outside loads, ramped weights, every state kept."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What every emulated board does, whatever its bytes are."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Foxglove's WebSocket protocol, as much of it as a live stack needs: topics, services, and what apps publish.
 
 It takes the place of foxglove-sdk's server, which asks nobody for a secret, looks at no Origin, and can listen only at a port that

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The running stack at a WebSocket of this machine, for the Foxglove app: what `foxglove_bridge` does where ROS is installed.
 
 Every topic is offered with its definition, and subscribed to only while somebody looks. The address holds a secret; who has it may

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """viser without a port of its own: what it draws goes out by our server alone."""
 
 from __future__ import annotations

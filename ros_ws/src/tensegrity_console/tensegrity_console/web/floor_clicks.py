@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The floor under the robot: where each neighbouring face would lie, what a click means, where a roll would take it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The robot in 3D, drawn with viser for every browser that looks; what a page selected is drawn for that page alone."""
 
 from __future__ import annotations

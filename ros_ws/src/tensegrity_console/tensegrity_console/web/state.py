@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a console knows: plain data, made by `ros_side`, shown by `scene` and by the page."""
 
 from __future__ import annotations

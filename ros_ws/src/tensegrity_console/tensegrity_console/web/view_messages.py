@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a page's 3D view may say to viser: where its camera is. Clicks are taken out for us; everything else is dropped.
 
 viser knows some sixty messages, among them uploads, and "share", which asks an outside host for a tunnel. What passes here is taken

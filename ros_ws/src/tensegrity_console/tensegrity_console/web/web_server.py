@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The console's page and sockets, on one port (tornado); who may use them is `guarded`'s to judge.
 
 Under the token: the page; `link`, a socket that tells facts and takes orders; `scene`, the 3D view's own page, and its socket,

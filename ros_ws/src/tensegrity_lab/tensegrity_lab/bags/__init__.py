@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """Recorded sessions read back: replayed, played, judged."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where the robot was, as an observer saw it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Plays a bag into ROS, where rosbag2 is not installed: what the bridge told, under its live names, for a twin and for viewers.
 
 Only what the bridge *told* is played. Nothing of it is a command, and while a bridge lives nothing is played at all.

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What rehearsals foretold, and what then happened: read from any bags."""
 
 from __future__ import annotations

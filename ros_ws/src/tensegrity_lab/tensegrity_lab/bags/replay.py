@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stepping the twin through a bag's event stream."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What gaits a bag's robot tried, and how they ended, from what was asked and what was seen."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A virtual prototype to practise on, and eyes on it."""
 
 from __future__ import annotations

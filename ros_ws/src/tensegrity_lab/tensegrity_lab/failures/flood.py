@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Somebody who says too much: one message as fast as the computer can, until the process is ended, or one motion of many points.
 
 python -m tensegrity_lab.failures.flood bridge/lease tensegrity_interfaces/msg/LeaseProof

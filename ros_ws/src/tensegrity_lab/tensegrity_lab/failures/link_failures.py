@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rows about the port and the line: missing, lost, cut, garbled, slow."""
 
 from __future__ import annotations

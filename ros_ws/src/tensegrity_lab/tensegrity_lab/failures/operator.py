@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Somebody at the robot: a ROS client that arms, rolls, commands and watches; every wait has a limit."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """docs/failures.md: written from what the scenarios saw, and read back by the tests."""
 
 from __future__ import annotations

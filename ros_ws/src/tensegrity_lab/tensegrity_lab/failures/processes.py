@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The stack's real executables as processes of their own, and waiting with limits."""
 
 from __future__ import annotations

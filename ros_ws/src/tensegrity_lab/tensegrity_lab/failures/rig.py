@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where scenarios happen: the stack's real processes around a virtual prototype, somebody before them, and its faults."""
 
 from __future__ import annotations

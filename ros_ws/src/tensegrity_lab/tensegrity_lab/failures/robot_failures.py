@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rows about which robot is at the port, and whether one is there at all."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs scenarios one after the other in one lab."""
 
 from __future__ import annotations

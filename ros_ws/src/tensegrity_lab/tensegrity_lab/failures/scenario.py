@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a scenario is: a failure, what must come of it, and how it is made to happen."""
 
 from __future__ import annotations

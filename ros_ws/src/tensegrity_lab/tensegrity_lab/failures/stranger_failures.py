@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Rows about messages that nobody of the stack sent: too long, too many, recorded, or of another bridge."""
 
 from __future__ import annotations

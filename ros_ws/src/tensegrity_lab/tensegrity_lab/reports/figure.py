@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of what the commands did: readable labels, units, colour-blind safe."""
 
 from __future__ import annotations

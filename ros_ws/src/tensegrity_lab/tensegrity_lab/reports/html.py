@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A report as one self-contained HTML page: no script, no network, pictures inside."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Statistics of success rates. Pure functions of arrays; every random one is seeded, so the same data give the same numbers."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a library holds, at a glance: every primitive's strokes, and how often it worked in training."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A robustness study for people, for scripts and for tables."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From the ledgers of sessions to the numbers of a report."""
 
 from __future__ import annotations

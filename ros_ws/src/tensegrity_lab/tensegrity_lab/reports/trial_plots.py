@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Pictures of a report: the paper's Figure 8, every gait at a glance, and predictions against outcomes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A report of sessions: tables, pictures and a page, all made again by one command."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page and the pictures of the validation suite."""
 
 from __future__ import annotations

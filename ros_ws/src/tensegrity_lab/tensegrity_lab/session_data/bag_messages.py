@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A ledger's line as the message that goes into the bag, and back. The only module of trials that knows ROS types."""
 
 from __future__ import annotations

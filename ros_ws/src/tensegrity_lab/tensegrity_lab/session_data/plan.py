@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a session tries, in which order, and how long it takes. Knows no ROS and no clock."""
 
 from __future__ import annotations

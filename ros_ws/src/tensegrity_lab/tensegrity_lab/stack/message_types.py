@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Message classes by the names that bags and the ROS graph give."""
 
 from __future__ import annotations

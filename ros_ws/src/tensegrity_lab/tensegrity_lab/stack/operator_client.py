@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An operator of the running stack, as a ROS client: arms, rolls, watches."""
 
 from __future__ import annotations

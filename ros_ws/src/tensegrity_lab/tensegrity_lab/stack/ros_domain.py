@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The ROS domain of a stack on a virtual prototype: its own and locked, on this machine only, whatever the shell says.
 
 A virtual stack arms and rolls without asking anybody. It must never meet a robot that is real: not by a domain that somebody

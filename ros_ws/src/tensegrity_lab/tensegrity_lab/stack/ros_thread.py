@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A ROS node in a thread of its own, for programs whose main thread belongs to something else."""
 
 from __future__ import annotations

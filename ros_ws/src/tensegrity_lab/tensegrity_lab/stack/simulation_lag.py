@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """How late a virtual prototype is on a busy computer: its body is behind, or it took its orders too late."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A whole stack on a virtual prototype: its processes, started together. For demo, travel and console."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A campaign from its libraries to its page."""
 
 from __future__ import annotations

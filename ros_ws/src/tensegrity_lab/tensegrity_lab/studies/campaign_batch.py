@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A session computed by the batch solver: a real folder with its ledger, of virtual trials that no stack ran."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A sample of computed trials, once more through the whole stack: real processes, real bytes, the same virtual prototypes."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The demo: starts the virtual prototype and the nodes, arms, rolls, reports, and leaves a bag and a picture."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the command `fit` does, step by step."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The page docs/learning.md, every figure of it from a demonstration."""
 
 from __future__ import annotations

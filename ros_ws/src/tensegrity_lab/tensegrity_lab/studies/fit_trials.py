@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The trials of sessions and bags, as a fit wants them: one robot, known gaits, successes and failures."""
 
 from __future__ import annotations

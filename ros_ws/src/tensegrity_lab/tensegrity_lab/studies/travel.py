@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One travel of a virtual prototype through the whole stack: real processes, real bytes."""
 
 from __future__ import annotations

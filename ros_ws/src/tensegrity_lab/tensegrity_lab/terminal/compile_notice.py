@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The solver is compiled before a command's own work, so that the wait has a name."""
 
 from __future__ import annotations

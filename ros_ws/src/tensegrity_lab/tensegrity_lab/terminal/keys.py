@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Single keys of a terminal, without Enter and without a library."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Progress of long computations: how much of it, how fast, how long still."""
 
 from __future__ import annotations

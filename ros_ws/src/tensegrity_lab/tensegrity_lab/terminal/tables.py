@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Cells of CSV tables, for whoever opens them in a spreadsheet: text that would be run as a formula is marked as text."""
 
 from __future__ import annotations

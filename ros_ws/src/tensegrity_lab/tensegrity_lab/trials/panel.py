@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a session shows: a panel to be read from two metres, or, where there is no terminal, lines."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A session's panel shown elsewhere, and keys pressed there: for the console in the browser.
 
 What is pressed there counts as pressed at the terminal, so nothing of a session can tell them apart. A key is the answer to what a

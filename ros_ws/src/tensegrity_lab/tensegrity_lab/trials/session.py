@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A session from its first trial due to its last: each is checked, rolled, judged, recorded. May be killed at any point."""
 
 from __future__ import annotations

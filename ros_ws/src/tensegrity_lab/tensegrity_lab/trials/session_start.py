@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """From a command line to a running session: begun or gone on with, its plan shown first."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bridge's parameters, and what follows from them alone: its rules, and the files that go into a session's bag."""
 
 from __future__ import annotations

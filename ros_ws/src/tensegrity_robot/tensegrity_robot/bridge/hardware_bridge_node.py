@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The hardware bridge's node: a lifecycle node around a bridge, with the session's bag.
 
 Port and frame timer are in a process of their own, and so is the service `stop` (`bridge_process`): however long a message takes

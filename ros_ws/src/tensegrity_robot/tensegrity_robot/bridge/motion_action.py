@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The action `execute_struts`: goals in, feedback and results out. What may move is the bridge's decision alone."""
 
 from __future__ import annotations

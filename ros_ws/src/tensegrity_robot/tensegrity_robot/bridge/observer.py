@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """An observer of the robot, behind a Unix socket, as the bridge's node uses it: faces into the stream, joints for viewers."""
 
 from __future__ import annotations

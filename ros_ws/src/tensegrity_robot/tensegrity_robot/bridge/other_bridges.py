@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Whether another bridge answers to this one's name: two would both obey one call.
 
 A bridge tells its state at 2 Hz. Who is heard there with another session, just now, is another bridge. A service would be no sign:

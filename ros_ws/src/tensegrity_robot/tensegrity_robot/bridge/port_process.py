@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The process that owns the port and the frame timer: a `BridgeHost` for the bridge's node, and the service `stop`.
 
 It subscribes to nothing and takes no message but a stop, which has no content: whatever the rest of the system sends, and however

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The bridge's services: each asks the bridge and puts its answer, or its refusal, into words."""
 
 from __future__ import annotations

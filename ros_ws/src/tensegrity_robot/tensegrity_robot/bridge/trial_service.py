@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Lines of a session's ledger into the bag, each on the disk before it is acknowledged."""
 
 from __future__ import annotations

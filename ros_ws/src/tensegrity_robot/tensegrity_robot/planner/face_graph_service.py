@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The service `face_graph`: the planner's rolls, gaits, odds and routes, for people and for other nodes."""
 
 from __future__ import annotations

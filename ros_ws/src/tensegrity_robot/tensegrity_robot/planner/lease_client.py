@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The planner's lease of the bridge: asks for it, proves that its holder lives, and gives it back."""
 
 from __future__ import annotations

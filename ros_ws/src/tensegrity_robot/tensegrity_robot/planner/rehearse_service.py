@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The service `rehearse`: odds of rolls before anybody decides for one. Nothing moves."""
 
 from __future__ import annotations

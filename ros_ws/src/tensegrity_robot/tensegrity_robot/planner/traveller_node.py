@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The traveller: rolls to a place on the floor, one roll of the planner after another, each chosen from where the robot rests.
 
 It asks the planner for every roll and never the bridge for a motion: what the planner refuses is not done.

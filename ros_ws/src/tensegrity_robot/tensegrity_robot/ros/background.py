@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Work that takes long, awaited in an executor that goes on meanwhile."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Goals of `execute_struts` that are too long are known by their size, before anything is made of them.
 
 rclpy makes a Python object of every point of a trajectory: for one of 300,000 points that takes seconds, in which the node hears

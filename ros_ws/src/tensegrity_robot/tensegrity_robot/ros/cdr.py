@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Messages as the bytes that go over the wire and into a bag.
 
 rclpy's `serialize_message` gives a buffer of the size that the type support *estimates*: after an empty sequence of eight-byte

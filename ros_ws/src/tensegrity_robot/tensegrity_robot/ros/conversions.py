@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Values to messages and back."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Who on the network may find, and so command, the robot: this machine only, unless the user says otherwise."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is worth keeping: which of an observer's observations are news, which events are of this stream. Knows no ROS."""
 
 from __future__ import annotations

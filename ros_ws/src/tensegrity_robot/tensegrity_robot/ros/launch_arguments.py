@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the launch file is given: checked as a whole before anything starts. A mistake found later would leave processes behind."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A node's parameters as one frozen dataclass: typed, described, with ranges, read once at the start.
 
 >>> @dataclass(frozen=True)

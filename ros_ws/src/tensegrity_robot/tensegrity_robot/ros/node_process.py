@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """One node, one process: from the start to a clean end by a signal."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Quality of service of the stack's topics (see docs/architecture.md)."""
 
 from __future__ import annotations

@@ -1,1 +1,2 @@
+# SPDX-License-Identifier: Apache-2.0
 """The node `twin`, and what RViz draws of it."""

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What the twin looks like in RViz or Foxglove."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The twin: a model that follows what really happened to the robot, or, stand-alone, is the robot.
 
 Events come through the executor; what is published at a rate comes from a loop with absolute deadlines on the steady clock, in a

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut bench`: speed, accuracy and memory, side by side with MuJoCo; or, with --stack, what the stack itself costs."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut faults`: the failures that must be survived, made to happen."""
 
 from __future__ import annotations

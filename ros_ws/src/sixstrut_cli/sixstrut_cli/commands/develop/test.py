@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`./sixstrut test`: everything that has to hold before a change goes in."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut calibrate-model`: make the model's first frequency the robot's."""
 
 from __future__ import annotations

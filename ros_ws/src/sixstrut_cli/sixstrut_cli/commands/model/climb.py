@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut climb`: how steep each primitive of a library still rolls uphill."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut parameters`: the robot's numbers, with units and sources."""
 
 from __future__ import annotations

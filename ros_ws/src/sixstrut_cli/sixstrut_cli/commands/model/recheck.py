@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut recheck`: which model predicts gaits better?"""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut rehearse`: try a roll on an ensemble before the robot does it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut robustness`: how often a library's gaits work on prototypes nobody trained on."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut roll`: simulate one roll and judge it."""
 
 from __future__ import annotations

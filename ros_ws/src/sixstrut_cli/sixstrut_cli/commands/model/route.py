@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut route`: the likeliest sequence of rolls from one face to another."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut search`: find a primitive library."""
 
 from __future__ import annotations

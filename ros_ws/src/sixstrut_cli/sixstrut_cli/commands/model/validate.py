@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut validate`: the solver against mechanics."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut console`: the robot in the browser."""
 
 from __future__ import annotations

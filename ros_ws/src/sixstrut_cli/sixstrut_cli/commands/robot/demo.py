@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut demo`: the whole chain, rolling the virtual prototype."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut doctor`: what is well, what is not, and how to mend it."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut foxglove`: the live stack for the Foxglove app."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut play`: a bag into ROS, for a twin and viewers."""
 
 from __future__ import annotations

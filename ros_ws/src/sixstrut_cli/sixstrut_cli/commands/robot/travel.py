@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut travel`: the virtual prototype rolls to a place on the floor."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut campaign`: whole libraries on virtual prototypes, and a sample of it through the whole stack."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut fit`: what trials say of this robot."""
 
 from __future__ import annotations

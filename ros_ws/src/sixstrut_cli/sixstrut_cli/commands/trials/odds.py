@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut odds`: were the rehearsals right?"""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut replay`: step the twin through a recorded session."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut report`: the figures of sessions of trials."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """`sixstrut trial`: a session of trials, a day long, that may end at any moment and goes on from there."""
 
 from __future__ import annotations

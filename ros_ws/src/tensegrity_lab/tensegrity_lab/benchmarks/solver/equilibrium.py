@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Both engines at rest on a face: the same heights, rope tensions and strut forces?"""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The kernel's work, counted: what a step computes does not depend on the computer or on what else it does.
 
 The kernel's own source runs as plain Python on numbers that count their operations, so that no second copy of a formula is

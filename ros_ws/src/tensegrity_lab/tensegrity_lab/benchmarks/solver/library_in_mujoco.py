@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A library's gaits in MuJoCo: the same robot in another physics engine."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """What is measured: speed, accuracy and memory of the engines, side by side."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """A process that only rolls, to see its memory: `python -m tensegrity_lab.benchmarks.solver.memory SETTINGS`."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """MuJoCo as an engine of the benchmark: one robot by `mj_step`, batches by its own `rollout`, a pool of threads in C++."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """MuJoCo, for this command only: installed on its first run into a folder of its own, exactly as requirements-bench.lock says."""
 
 from __future__ import annotations

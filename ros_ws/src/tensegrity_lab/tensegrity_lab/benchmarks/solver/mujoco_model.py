@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The same robot for MuJoCo: an MJCF built from `Elements` alone.
 
 What carries over exactly: masses, inertias, the 48 cables (they only pull), their points, the sixty contact points, gravity, the

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Processor time and memory of every process of the demo."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The whole measurement of the stack, part by part, in a ROS domain and folders of its own."""
 
 from __future__ import annotations

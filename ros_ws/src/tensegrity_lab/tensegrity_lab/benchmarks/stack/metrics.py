@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The figures of the stack's benchmark, and how raw times become figures. Knows no ROS."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Somebody beside the stack: hears what it publishes, commands the bridge; every wait has a limit."""
 
 from __future__ import annotations

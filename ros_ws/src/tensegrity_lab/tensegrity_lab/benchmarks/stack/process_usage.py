@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """Processor time and memory of processes, as the operating system counts them."""
 
 from __future__ import annotations

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The stack's figures as a page, as JSON and as a picture."""
 
 from __future__ import annotations
