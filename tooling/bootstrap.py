@@ -64,7 +64,7 @@ def _dispatch(layout: Layout, arguments: Sequence[str]) -> int:
         return EXIT_USAGE
     if name == "clean":
         return _clean(layout)
-    set_up(layout)
+    set_up(layout, registry.groups_of(name, arguments))
     if name == "env":
         print(environment.exports(environment.overlay(os.environ, layout, workspace.paths(layout))))
         return 0
@@ -74,29 +74,35 @@ def _dispatch(layout: Layout, arguments: Sequence[str]) -> int:
     _become(layout, arguments)
 
 
-def _ready(layout: Layout) -> bool:
-    return packages.ready(layout) and workspace.ready(layout)
+def _ready(layout: Layout, groups: Sequence[str] = ()) -> bool:
+    return not packages.missing(layout, groups) and workspace.ready(layout)
 
 
-def set_up(layout: Layout) -> None:
-    """Does what is not done yet. Each of the two results bears a stamp, written last, of all that it depends on."""
-    if _ready(layout):
+def set_up(layout: Layout, groups: Sequence[str] = ()) -> None:
+    """Does what is not done yet. Each result bears a stamp, written last, of all that it depends on.
+
+    Args:
+        groups: Packages that are needed beside the base.
+    """
+    if _ready(layout, groups):
         return
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:  # leave `nohup` its way
             signal.signal(number, _exit_on_signal)
     with exclusive(layout.state / "lock") as lock:
-        todo_packages = not packages.ready(layout)
-        todo_workspace = todo_packages or not workspace.ready(layout)
-        if not todo_workspace:
+        todo = packages.missing(layout, groups)
+        todo_workspace = "base" in todo or not workspace.ready(layout)
+        if not todo and not todo_workspace:
             return  # the one we waited for has done it
-        machine.check(layout.root, os.environ, needs_disk=todo_packages)
+        machine.check(layout.root, os.environ, needs_disk="base" in todo)
         layout.log.write_text("", encoding="utf-8")
-        progress = Progress(packages.STEPS * todo_packages + workspace.STEPS)
+        steps = packages.STEPS if "base" in todo else len(todo[:1])
+        progress = Progress(steps + workspace.STEPS * todo_workspace)
         runner = Runner(layout.log, lock, progress)
-        if todo_packages:
-            packages.install(layout, runner, os.environ)
-        workspace.build(layout, runner, os.environ)
+        if todo:
+            packages.install(layout, todo, runner, os.environ)
+        if todo_workspace:
+            workspace.build(layout, runner, os.environ)
         layout.chosen_python.write_text(f"{sys.executable}\n", encoding="utf-8")
 
 

@@ -17,9 +17,9 @@ class Layout:
 
     root: Path
 
-    @property
-    def lock(self) -> Path:
-        return self.root / "requirements.lock"
+    def lock(self, group: str) -> Path:
+        """Of one group of packages, see `packages.GROUPS`."""
+        return self.root / "requirements" / f"{group}.lock"
 
     @property
     def venv(self) -> Path:

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The virtual environment: Python packages and the ROS 2 wheels, exactly those of requirements.lock."""
+"""The virtual environment: Python packages and the ROS 2 wheels, exactly those of requirements/*.lock.
+
+Packages come in groups. `base` is what every command needs; the others are added when a command first needs them.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from tooling import cmake_exports, stamps
@@ -18,7 +21,8 @@ from tooling.process import Runner
 from tooling.progress import Progress
 from tooling.requirements import Requirement, read_lock
 
-STEPS = 3  # that `install` takes
+GROUPS = ("base", "console", "cluster", "checks", "docs", "bench")
+STEPS = 3  # that making the base takes; a further group is one step
 BUILT_FROM_SOURCE = ("empy",)  # pure Python, published without a wheel
 
 
@@ -31,35 +35,57 @@ def made_by_us(layout: Layout) -> bool:
     return _stamp_file(layout).exists()
 
 
-def ready(layout: Layout) -> bool:
+def missing(layout: Layout, groups: Iterable[str]) -> list[str]:
+    """Those of the groups that are not installed as their locks say now, in the order of `GROUPS`; all, if the base is not."""
+    there = _installed(layout)
+    lacking = [g for g in GROUPS if g in {"base", *groups} and there.get(g) != stamps.packages_stamp(layout, g)]
+    return [g for g in GROUPS if g in {"base", *groups, *there}] if "base" in lacking else lacking
+
+
+def _installed(layout: Layout) -> dict[str, str]:
+    """Group -> its stamp when it was installed."""
+    if not os.access(layout.venv_python, os.X_OK):
+        return {}
     try:
-        stamp = _stamp_file(layout).read_text(encoding="utf-8")
+        lines = _stamp_file(layout).read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:
-        return False
-    return stamp == stamps.packages_stamp(layout) and os.access(layout.venv_python, os.X_OK)
+        return {}
+    return {group: stamp for group, _, stamp in (line.partition(" ") for line in lines) if group in GROUPS and stamp}
 
 
-def needed(layout: Layout) -> list[Requirement]:
-    """The lock's requirements that hold for the running interpreter."""
-    return [r for r in read_lock(layout.lock) if r.holds_for(sys.version_info[:2])]
+def needed(layout: Layout, groups: Iterable[str]) -> list[Requirement]:
+    """The groups' requirements that hold for the running interpreter, each once."""
+    found = [r for group in groups for r in read_lock(layout.lock(group)) if r.holds_for(sys.version_info[:2])]
+    return list({r.name: r for r in found}.values())
 
 
-def install(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
-    """Makes the environment from nothing: what an interrupted or older set-up left is removed first."""
+def install(layout: Layout, groups: Sequence[str], runner: Runner, environ: Mapping[str, str]) -> None:
+    """Installs groups. With the base among them the environment is made from nothing: what an interrupted or older set-up left is
+    removed first. Else only what no group has brought yet is added."""
     environ = _clean(environ)
     progress = runner.progress
-    with progress.step(f"making .venv with Python {sys.version.split()[0]}"):
-        _make(layout, runner, environ)
-    requirements = needed(layout)
-    with progress.step(f"installing {len(requirements)} packages"):
+    there = {} if "base" in groups else _installed(layout)
+    if "base" in groups:
+        with progress.step(f"making .venv with Python {sys.version.split()[0]}"):
+            _make(layout, runner, environ)
+    brought = {r.name: r.version for r in needed(layout, there)}
+    requirements = [r for r in needed(layout, groups) if brought.get(r.name) != r.version]
+    with progress.step(f"installing {len(requirements)} packages{_purpose(groups)}"):
         _pip(layout, requirements, runner, environ)
-    with progress.step("repairing the CMake files of the ROS wheels"):
-        numpy_include = _ask(layout, "import numpy; print(numpy.get_include())")
-        count = cmake_exports.repair(layout.venv, sysconfig.get_path("include"), numpy_include)
-        progress.result(f"{count} files")
+    if "base" in groups:
+        with progress.step("repairing the CMake files of the ROS wheels"):
+            numpy_include = _ask(layout, "import numpy; print(numpy.get_include())")
+            count = cmake_exports.repair(layout.venv, sysconfig.get_path("include"), numpy_include)
+            progress.result(f"{count} files")
+    now = there | {group: stamps.packages_stamp(layout, group) for group in groups}
     stamp = _stamp_file(layout)
-    stamp.with_suffix(".new").write_text(stamps.packages_stamp(layout), encoding="utf-8")
+    stamp.with_suffix(".new").write_text("".join(f"{group} {of}\n" for group, of in now.items()), encoding="utf-8")
     stamp.with_suffix(".new").replace(stamp)
+
+
+def _purpose(groups: Sequence[str]) -> str:
+    more = [group for group in groups if group != "base"]
+    return f" for {', '.join(more)}" if more else ""
 
 
 def remove(layout: Layout) -> None:
@@ -94,13 +120,15 @@ def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, enviro
     a release newer than the locked one appears."""
     command = [str(layout.venv_python), "-m", "pip", "install", "--require-hashes", "--no-deps", "--no-build-isolation"]
     command += ["--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}"]
-    command += ["--no-input", "--disable-pip-version-check", "--progress-bar=off"]
+    command += ["--no-input", "--disable-pip-version-check", "--progress-bar=off", "--no-compile"]  # what is never imported
     site_packages = Path(sysconfig.get_path("purelib", vars={"base": str(layout.venv)}))
     counter = _Counter(len(requirements), site_packages, runner.progress)
     build_tools = [r for r in requirements if r.name == "setuptools"]
     with tempfile.TemporaryDirectory() as folder:
         for name, part in ("build-tools", build_tools), ("all", requirements):
             file = Path(folder) / f"{name}.txt"
+            if not part:
+                continue
             file.write_text("".join(f"{r.text}\n" for r in part), encoding="utf-8")
             counter.restart()
             try:

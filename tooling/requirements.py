@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Reads requirements.lock: which packages, with which hashes, hold for which Python."""
+"""Reads a lock of requirements/: which packages, with which hashes, hold for which Python."""
 
 from __future__ import annotations
 
@@ -15,8 +15,9 @@ _COMPARISONS: dict[str, Callable[[tuple[int, ...], tuple[int, ...]], bool]] = {
     "<=": operator.le,
     ">": operator.gt,
     ">=": operator.ge,
+    "==": operator.eq,
 }
-_PYTHON = re.compile(r"python(?:_full)?_version (<=|>=|<|>) '([\d.]+)'")
+_PYTHON = re.compile(r"python(?:_full)?_version (<=|>=|<|>|==) '([\d.]+?)(?:\.\*)?'")
 _FIXED = {
     "sys_platform == 'win32'": False,
     "platform_python_implementation != 'PyPy'": True,
@@ -40,7 +41,7 @@ def _clause_holds(clause: str, python: tuple[int, int]) -> bool:
         return _FIXED[clause]
     match = _PYTHON.fullmatch(clause)
     if match is None:
-        raise ValueError(f"requirements.lock: unknown marker {clause!r}")
+        raise ValueError(f"lock: unknown marker {clause!r}")
     compare, version = match.groups()
     return _COMPARISONS[compare](python, tuple(int(part) for part in version.split(".")))
 
@@ -56,7 +57,7 @@ def read_lock(path: Path) -> list[Requirement]:
         head, _, marker = spec.partition(";")
         name, equals, version = head.strip().partition("==")
         if not equals or not hashes:
-            raise ValueError(f"requirements.lock: no exact version or no hash: {line[:80]!r}")
+            raise ValueError(f"{path.name}: no exact version or no hash: {line[:80]!r}")
         sums = tuple(h.strip() for h in hashes)
         text = f"{spec.strip()} " + " ".join(f"--hash={h}" for h in sums)
         requirements.append(Requirement(name, version.strip(), marker.strip(), sums, text))

@@ -24,14 +24,14 @@ def python_identity() -> str:
     return f"{sys.implementation.cache_tag} {sys.base_prefix}"
 
 
-def packages_stamp(layout: Layout) -> str:
-    """Changes with the lock, the interpreter, and the checkout's place (scripts in .venv hold absolute paths)."""
-    return _digest([layout.lock.read_bytes(), python_identity().encode(), str(layout.root).encode()])
+def packages_stamp(layout: Layout, group: str) -> str:
+    """Changes with the group's lock, the interpreter, and the checkout's place (scripts in .venv hold absolute paths)."""
+    return _digest([layout.lock(group).read_bytes(), python_identity().encode(), str(layout.root).encode()])
 
 
 def workspace_stamp(layout: Layout) -> str:
     """Changes with everything that a colcon build reads once and then keeps."""
-    parts = [packages_stamp(layout).encode()]
+    parts = [packages_stamp(layout, "base").encode()]
     for package in package_folders(layout):
         for path in _build_inputs(package):
             parts.append(str(path.relative_to(package.parent)).encode())

@@ -44,7 +44,7 @@ def paths(layout: Layout) -> environment.Paths:
 def build(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
     packages = [folder.name for folder in stamps.package_folders(layout)]
     with runner.progress.step(f"building ros_ws ({len(packages)} packages)"):
-        base = {"packages": packages, "base": stamps.packages_stamp(layout)}
+        base = {"packages": packages, "base": stamps.packages_stamp(layout, "base")}
         _clear_if_outdated(layout, base)
         _write(layout, {**base, "stamp": None})
         counter = _Counter(len(packages), runner.progress)

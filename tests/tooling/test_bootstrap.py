@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tooling import packages, workspace
+from tooling import packages, stamps, workspace
 from tooling.layout import Layout, SetupError
 from tooling.process import Runner
 from tooling.progress import Progress
@@ -26,7 +26,7 @@ def fresh(tmp_path: Path) -> Path:
     shutil.copytree(ROOT / "tooling", root / "tooling")
     shutil.copytree(ROOT / command_line, root / command_line)
     shutil.copy(ROOT / "sixstrut", root)
-    shutil.copy(ROOT / "requirements.lock", root)
+    shutil.copytree(ROOT / "requirements", root / "requirements")
     return root
 
 
@@ -104,7 +104,7 @@ def test_a_virtual_environment_of_the_users_own_is_not_touched(fresh: Path, runn
     layout = Layout(fresh)
     (layout.venv / "mine").mkdir(parents=True)
     with pytest.raises(SetupError, match="was not made by"):
-        packages.install(layout, runner, os.environ)
+        packages.install(layout, ["base"], runner, os.environ)
     assert (layout.venv / "mine").exists()
 
 
@@ -121,5 +121,24 @@ def test_a_half_made_environment_is_not_ready(fresh: Path):
     layout.venv.mkdir()
     (layout.venv / "sixstrut.stamp").touch()
     assert packages.made_by_us(layout)
-    assert not packages.ready(layout)
+    assert packages.missing(layout, ()) == ["base"]
     assert not workspace.ready(layout)
+
+
+def test_groups_are_added_and_a_new_base_brings_all_that_were_there(fresh: Path):
+    layout = Layout(fresh)
+    assert packages.missing(layout, ("console",)) == ["base", "console"]
+    layout.venv_python.parent.mkdir(parents=True)
+    layout.venv_python.symlink_to(sys.executable)
+    stamp = layout.venv / "sixstrut.stamp"
+    stamp.write_text("".join(f"{group} {stamps.packages_stamp(layout, group)}\n" for group in ("base", "checks")))
+    assert packages.missing(layout, ()) == []
+    assert packages.missing(layout, ("checks",)) == []
+    assert packages.missing(layout, ("checks", "console")) == ["console"]
+    with layout.lock("checks").open("a") as lock:
+        lock.write("more==1 --hash=sha256:00\n")
+    assert packages.missing(layout, ()) == [], "it is not needed now"
+    assert packages.missing(layout, ("checks",)) == ["checks"]
+    with layout.lock("base").open("a") as lock:
+        lock.write("more==1 --hash=sha256:00\n")
+    assert packages.missing(layout, ("console",)) == ["base", "console", "checks"]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -11,6 +12,7 @@ class Entry(NamedTuple):
     name: str
     help: str  # one line
     module: str | None  # in sixstrut_cli.commands; None: done by tooling/bootstrap.py before Python packages are there
+    groups: tuple[str, ...] = ()  # of packages that it needs beside the base; tooling/packages.py
 
 
 _ALL = (
@@ -30,18 +32,23 @@ _ALL = (
         "campaign", "Whole libraries on virtual prototypes, fast, and a sample of it through the whole stack.", "trials.campaign"
     ),
     Entry("fit", "Learn from trials: an ensemble of robots that would have had them, and odds of every gait.", "trials.fit"),
-    Entry("console", "The robot in the browser: twin, odds, rolls by clicks, a stop button.", "robot.console"),
-    Entry("foxglove", "Serve the live stack to the Foxglove app: every topic, and a stop button.", "robot.foxglove"),
+    Entry("console", "The robot in the browser: twin, odds, rolls by clicks, a stop button.", "robot.console", ("console",)),
+    Entry("foxglove", "Serve the live stack to the Foxglove app: every topic, and a stop button.", "robot.foxglove", ("console",)),
     Entry("replay", "Step the twin through a recorded session and compare.", "trials.replay"),
     Entry("play", "Play a recorded session into ROS, for a twin and viewers.", "robot.play"),
     Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "robot.calibrate"),
     Entry("doctor", "Check port, pairing, calibration, disk and versions; say how to mend each.", "robot.doctor"),
     Entry("parameters", "Show the parameters of robot and model, with their sources.", "model.parameters"),
     Entry("calibrate-model", "Scale the ropes until the first natural frequency is the given one.", "model.calibrate_model"),
-    Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "develop.bench"),
+    Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "develop.bench", ("bench",)),
     Entry("faults", "Make failures happen to the stack and look what comes of each; docs/failures.md.", "develop.faults"),
     Entry("validate", "Compare the solver with closed forms; write docs/validation.md.", "model.validate"),
-    Entry("test", "Run the checks and tests; with arguments, only pytest with these.", "develop.test"),
+    Entry(
+        "test",
+        "Run the checks and tests; with arguments, only pytest with these.",
+        "develop.test",
+        ("console", "cluster", "checks"),
+    ),
     Entry("setup", "Only set up: .venv with all packages, and the build of ros_ws.", None),
     Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None),
     Entry("clean", "Remove what set-up made.", None),
@@ -70,6 +77,12 @@ def entries() -> list[Entry]:
 
 def names() -> list[str]:
     return [entry.name for entry in entries()]
+
+
+def groups_of(name: str | None, arguments: Sequence[str]) -> tuple[str, ...]:
+    """Groups of packages that a command line needs beside the base."""
+    groups = next((entry.groups for entry in _ALL if entry.name == name), ())
+    return (*groups, "cluster") if any(word.split("=")[0] == "--scheduler" for word in arguments) else groups
 
 
 def static_help(name: str | None) -> str:

@@ -43,7 +43,7 @@ def command(
 ) -> None:
     """Measure the solver beside MuJoCo: the same robot, the same policies, one run (about five minutes).
 
-    The first run installs MuJoCo into .sixstrut/, not into .venv. With --stack, measure what the stack itself costs instead (about
+    The first run installs MuJoCo. With --stack, measure what the stack itself costs instead (about
     as long, no MuJoCo). Leave the computer alone while it measures.
 
     sixstrut bench
@@ -52,18 +52,18 @@ def command(
     sixstrut bench --library robust
     """
     root = os.environ.get("SIXSTRUT_ROOT")
-    if root is None or not (Path(root) / "requirements-bench.lock").is_file():
+    if root is None or not (Path(root) / "requirements").is_dir():
         raise typer.BadParameter("the benchmark is in the repository: run ./sixstrut bench there")
     page = Path(root) / "docs" / ("benchmark_stack.md" if stack else "benchmark.md")
     path = output or (None if quick else page)
     if library is not None:
-        _in_mujoco(Path(root), library, threads, as_json, prototype)
+        _in_mujoco(library, threads, as_json, prototype)
     elif stack:
         if threads is not None or prototype is not None:
             raise typer.BadParameter("--threads and --prototype are of the solver's benchmark: leave them out with --stack")
         _measure_stack(quick, path, as_json)
     else:
-        _measure_solver(Path(root), quick, threads, path, as_json, prototype)
+        _measure_solver(quick, threads, path, as_json, prototype)
 
 
 def _say(what: str) -> None:
@@ -83,17 +83,16 @@ def _measure_stack(quick: bool, path: Path | None, as_json: bool) -> None:
     typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
 
 
-def _measure_solver(root: Path, quick: bool, threads: int | None, path: Path | None, as_json: bool, prototype: Path | None) -> None:
+def _measure_solver(quick: bool, threads: int | None, path: Path | None, as_json: bool, prototype: Path | None) -> None:
     import importlib
 
     from sim_core.dynamics.model import build_model
     from sim_core.structure.parameters import load_prototype
     from sim_core.twin.model_versions import label_of
-    from tensegrity_lab.benchmarks.solver import equilibrium, measure, mujoco_install, report
+    from tensegrity_lab.benchmarks.solver import equilibrium, measure, report
 
     say = _say
     load = os.getloadavg()[0]
-    folder = mujoco_install.make_importable(root, say)
     most = threads or min(2, os.cpu_count() or 1)
     plan = measure.Plan(threads=tuple(dict.fromkeys((1, most))))
     if quick:
@@ -105,7 +104,7 @@ def _measure_solver(root: Path, quick: bool, threads: int | None, path: Path | N
     rehearsal = measure.rehearsal(robot, most, say)
     rests = equilibrium.rests(robot)
     accuracies = measure.accuracies(robot, tasks, most, say)
-    memories = measure.memories(str(prototype) if prototype else None, plan, str(folder), say)
+    memories = measure.memories(str(prototype) if prototype else None, plan, say)
     mujoco = importlib.import_module("mujoco").__version__
     machine = report.this_machine(mujoco, (load, os.getloadavg()[0]))
     result = report.Report(machine, plan, label_of(build_model(robot).hash), speeds, judged, rehearsal, rests, accuracies, memories)
@@ -117,16 +116,14 @@ def _measure_solver(root: Path, quick: bool, threads: int | None, path: Path | N
     typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
 
 
-def _in_mujoco(root: Path, name: str, threads: int | None, as_json: bool, prototype: Path | None) -> None:
+def _in_mujoco(name: str, threads: int | None, as_json: bool, prototype: Path | None) -> None:
     import json
 
     from sim_core.gaits.library import load_library
     from sim_core.structure.parameters import load_prototype
-    from tensegrity_lab.benchmarks.solver import mujoco_install
     from tensegrity_lab.benchmarks.solver.library_in_mujoco import text_of, tried_in_mujoco
 
     shelf = load_library(name)
-    mujoco_install.make_importable(root, _say)
     _say(f"rolling {24 * len(shelf.primitives)} gaits in MuJoCo, a minute or so")
     tried = tried_in_mujoco(load_prototype(prototype), shelf, threads or min(2, os.cpu_count() or 1))
     if as_json:

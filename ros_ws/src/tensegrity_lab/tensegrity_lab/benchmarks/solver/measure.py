@@ -273,12 +273,12 @@ def final_face(result: RollResult) -> str | None:
     return (result.returned or result.actuated).face
 
 
-def memories(prototype_file: str | None, plan: Plan, folder: str, say: Say) -> list[Memory]:
+def memories(prototype_file: str | None, plan: Plan, say: Say) -> list[Memory]:
     """Memory of both engines, each in a process of its own."""
     found = []
     for name in ("sixstrut", "MuJoCo"):
         say(f"memory: {name}, {plan.memory_rolls} rolls, then {4 * plan.memory_rolls}")
-        settings = {"engine": name, "rolls": plan.memory_rolls, "seed": plan.seed, "folder": folder, "prototype": prototype_file}
+        settings = {"engine": name, "rolls": plan.memory_rolls, "seed": plan.seed, "prototype": prototype_file}
         command = [
             sys.executable,
             "-m",

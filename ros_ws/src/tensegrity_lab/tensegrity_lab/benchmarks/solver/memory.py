@@ -20,7 +20,6 @@ MUJOCO_STEP_S = 0.002
 def main(text: str) -> None:
     """Roll once as many, then four times as many; print a `Memory`."""
     settings = json.loads(text)
-    sys.path.append(settings["folder"])
     prototype = load_prototype(settings["prototype"])
     engine: Engine = SixStrut(prototype) if settings["engine"] == "sixstrut" else MuJoCo(prototype, MUJOCO_STEP_S)
     tasks = tasks_of(prototype, settings["rolls"], settings["seed"])
