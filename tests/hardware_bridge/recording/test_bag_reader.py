@@ -21,6 +21,7 @@ from hardware_bridge.errors import SchemaError
 from hardware_bridge.recording.bag_reader import BagError, read_bag, read_session
 from hardware_bridge.recording.bag_types import TOPICS, misfit_of
 from tests.hardware_bridge.recording.test_message_definitions import SCHEMAS
+from tests.scale import examples
 
 EXAMPLE = Path(__file__).parents[3] / "bags" / "example.mcap"
 FRAME = struct.Struct("<BQ")
@@ -291,7 +292,7 @@ def small(tmp_path_factory) -> bytes:
     return written(tmp_path_factory.mktemp("bag") / "a.mcap", CompressionType.NONE).read_bytes()
 
 
-@settings(max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(300), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(edits=st.lists(st.tuples(st.floats(0, 1), st.binary(max_size=20), st.integers(0, 20)), min_size=1, max_size=3))
 def test_whatever_bytes_a_bag_comes_of_it_or_the_error(tmp_path, small, edits):
     data = bytearray(small)
@@ -306,7 +307,7 @@ def test_whatever_bytes_a_bag_comes_of_it_or_the_error(tmp_path, small, edits):
         assert_short(error)
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(150), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(definition=st.text(alphabet="abint8 float64[]<=>string/Time\n=#MSG:*9.", max_size=80), body=st.binary(max_size=60))
 def test_whatever_definition_a_bag_comes_of_it_or_the_error(tmp_path, definition, body):
     path = tmp_path / "any.mcap"

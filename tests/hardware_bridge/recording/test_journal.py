@@ -24,6 +24,7 @@ from hardware_bridge.recording.journal import finish_journal
 from hardware_bridge.recording.journal_repair import mend
 from hardware_bridge.recording.recorder import Recorder
 from tests.hardware_bridge.recording.test_recorder import STRING, recorder, string
+from tests.scale import examples
 
 MESSAGES = 700
 FRAME = struct.Struct("<BQ")
@@ -199,7 +200,7 @@ def test_other_readers_read_a_journal_as_it_is(tmp_path):
     log.close()
 
 
-@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=examples(150), deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(
     kind=st.sampled_from(["checked", "old"]),
     edits=st.lists(st.tuples(st.floats(0, 1), st.binary(min_size=0, max_size=60), st.integers(0, 60)), min_size=1, max_size=4),

@@ -22,6 +22,7 @@ from hardware_bridge.safety.supervisor_messages import Supply
 from hardware_bridge.safety.trajectory import MAX_KNOTS, Trajectory
 from tests.hardware_bridge.emulated import Rig
 from tests.hardware_bridge.helpers import MID, MID_M
+from tests.scale import examples
 
 CALIBRATION = load_calibration()
 CALIBRATION = replace(
@@ -80,14 +81,14 @@ def verdict(path: Trajectory) -> tuple[object, ...]:
     return tuple(said)
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=examples(150), deadline=None)
 @given(path=paths(), parts=densities)
 def test_more_knots_on_the_same_lines_change_no_verdict(path: Trajectory, parts: list[float]) -> None:
     dense = densely(path, np.array(parts) * path.duration_s)
     assert verdict(dense) == verdict(path)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(path=paths(), parts=densities)
 def test_the_same_shapes_are_judged(path: Trajectory, parts: list[float]) -> None:
     judged: list[list[tuple[float, ...]]] = []
@@ -99,7 +100,7 @@ def test_the_same_shapes_are_judged(path: Trajectory, parts: list[float]) -> Non
     assert judged[0] == judged[1]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=examples(60), deadline=None)
 @given(path=paths(), part=st.floats(0.0, 1.0))
 def test_every_place_of_a_judged_path_is_near_a_judged_shape(path: Trajectory, part: float) -> None:
     memory = ShapeMemory(lambda _: None, 0.5e-3 + max(strut.quantum_m for strut in CALIBRATION.struts))
@@ -108,7 +109,7 @@ def test_every_place_of_a_judged_path_is_near_a_judged_shape(path: Trajectory, p
     assert memory.recall(lengths_m) is None
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=examples(40), deadline=None)
 @given(data=st.data(), path=paths())
 def test_frames_are_never_counted_to_run_longer_than_was_judged(data: st.DataObject, path: Trajectory) -> None:
     rules = Rules(CALIBRATION, Limits(duty_fraction=1.0, duty_window_s=3600.0), Pacing(energise_pause_s=0.0, homing_speed_m_s=0.02))

@@ -21,6 +21,7 @@ from sim_core.gaits.library import libraries_folder, load_library
 from sim_core.rolling.shape_check import ShapeJudge, ShapeLimits
 from sim_core.structure.parameters import load_prototype
 from tests.hardware_bridge.helpers import MID, MID_M
+from tests.scale import examples
 
 PROTOTYPE = load_prototype()
 SPEED_M_S = 0.015
@@ -65,7 +66,7 @@ def test_homing_from_a_collapsed_robot_is_refused(judging: Rules) -> None:
         check_homing(judging, pulses, homing_path(judging, pulses))
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=examples(12), deadline=None)
 @given(st.tuples(*[st.integers(-50, 50)] * 6) | st.tuples(*[st.integers(-45, -25)] * 6) | st.tuples(*[st.integers(40, 50)] * 6))
 def test_what_is_accepted_is_good_in_every_frame(judging: Rules, second_judge: ShapeJudge, policy_mm: tuple[int, ...]) -> None:
     try:

@@ -19,6 +19,7 @@ from hardware_bridge.safety.supervisor_messages import Arm, Disarm, Mode, Tick
 from hardware_bridge.safety.trajectory import Trajectory
 from tests.hardware_bridge.emulated import Rig
 from tests.hardware_bridge.helpers import MID, MID_M
+from tests.scale import examples
 
 BOARDS = ("lsc", "ssc32", "maestro")
 BAUDS = {"lsc": 9600, "ssc32": 115200, "maestro": 115200}
@@ -82,7 +83,7 @@ def path_of(rules: Rules, start_m: np.ndarray, path: list[tuple[float, tuple[flo
 
 @pytest.mark.parametrize("baud", [False, True])
 @pytest.mark.parametrize("spec", BOARDS)
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=examples(25), deadline=None)
 @given(data=st.data())
 def test_at_any_moment_of_any_motion_stop_is_where_the_board_is(spec: str, baud: bool, data: st.DataObject) -> None:
     rig = armed(spec, RULES, BAUDS[spec] if baud else 0)
@@ -157,7 +158,7 @@ def test_cancel_and_go_on_again_and_again_gains_nothing(spec: str) -> None:
 
 
 @pytest.mark.parametrize("spec", BOARDS)
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=examples(15), deadline=None)
 @given(ticks=st.integers(0, 60), after_s=st.floats(0.0, 0.06), again=st.booleans())
 def test_stop_while_homing_is_where_the_board_is(spec: str, ticks: int, after_s: float, again: bool) -> None:
     rules = Rules(CALIBRATION, pacing=Pacing(energise_pause_s=0.0, homing_speed_m_s=0.02))

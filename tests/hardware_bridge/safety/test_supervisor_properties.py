@@ -38,6 +38,7 @@ from hardware_bridge.safety.supervisor_messages import (
     Tick,
 )
 from hardware_bridge.safety.trajectory import Trajectory
+from tests.scale import examples
 
 MID_M = 0.234
 SPREAD_M = 0.07
@@ -327,5 +328,5 @@ class AnySequence(RuleBasedStateMachine):
         assert self.state.motion is None or self.state.mode in (Mode.HOMING, Mode.ARMED)
 
 
-AnySequence.TestCase.settings = settings(max_examples=200, stateful_step_count=40, deadline=None)
+AnySequence.TestCase.settings = settings(max_examples=examples(200), stateful_step_count=40, deadline=None)
 test_any_sequence_of_events_keeps_the_promises = AnySequence.TestCase

@@ -20,6 +20,7 @@ from sim_core.studies.model_agreement import load_gaits
 from sim_core.studies.sensitivity import stored_influences
 from sim_core.twin.model_versions import frozen_models
 from sim_core.uncertainty.ensemble import load_posterior
+from tests.scale import examples
 
 LAUGHS = "\n".join([f"a0: &a0 [{'lol, ' * 9}]", *(f"a{n}: &a{n} [{f'*a{n - 1}, ' * 9}]" for n in range(1, 10))])
 
@@ -102,7 +103,7 @@ PIECES = st.sampled_from(
 )
 
 
-@settings(max_examples=600, deadline=None)
+@settings(max_examples=examples(600), deadline=None)
 @given(st.one_of(st.binary(max_size=200), st.lists(PIECES, max_size=40).map(b"".join)))
 @example(b"a: =")
 @example(b"? - a")
@@ -116,7 +117,7 @@ def test_any_bytes_give_a_plain_document_or_the_error(data):
 TEXT = st.text(st.characters(codec="utf-8", exclude_categories=("C", "Zl", "Zp")))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=examples(200), deadline=None)
 @given(
     st.recursive(
         st.none() | st.booleans() | st.integers(-(10**30), 10**30) | st.floats(allow_nan=False) | TEXT,
@@ -192,7 +193,7 @@ DOCUMENTS = st.recursive(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=examples(300), deadline=None)
 @given(DOCUMENTS)
 def test_no_document_makes_a_reader_fail_but_by_its_own_error(tmp_path_factory, text):
     file = tmp_path_factory.getbasetemp() / "any.yaml"

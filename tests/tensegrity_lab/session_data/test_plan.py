@@ -21,6 +21,7 @@ from tensegrity_lab.session_data.plan import (
     way_to_due,
 )
 from tensegrity_lab.trials.time_estimate import HANDS, Pace, estimate, runs_s
+from tests.scale import examples
 from tests.tensegrity_lab.trials.sessions import planned
 
 LIBRARY = load_library()
@@ -80,7 +81,7 @@ def test_the_next_trial_starts_where_the_robot_is_and_by_preference_leads_on():
     assert next_due([], "TC1") is None
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=examples(20), deadline=None)
 @given(st.integers(0, 10_000), st.integers(0, 959))
 def test_walking_on_as_long_as_it_goes_tries_nothing_twice(seed, failures):
     plan, face = planned("1-2,21-22", seed=seed), "TC6"

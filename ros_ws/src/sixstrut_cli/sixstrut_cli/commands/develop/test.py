@@ -26,18 +26,23 @@ _CHECKS = {
     "mypy": ["-m", "mypy"],
     "imports": ["-c", "from importlinter.cli import lint_imports_command as check; check()"],
 }
-
-
 _SOAK = ["tests/soak", "-m", "soak", "-q"]
+_FINE = (0, 5)  # 5: pytest found no test of that kind
+_WORKERS = ["-n", "2", "--dist", "loadfile", "-q"]
 
 
 def command(
     context: typer.Context,
+    everything: Annotated[
+        bool, typer.Option("--all", help="The slow tests as well, and properties on all their examples.")
+    ] = False,
+    slow: Annotated[bool, typer.Option("--slow", help="Only what --all has more than the quick tests.")] = False,
     soak: Annotated[bool, typer.Option("--soak", help="The long tests instead, with their figures: a quarter of an hour.")] = False,
+    minutes: Annotated[float | None, typer.Option(min=1.0, help="Begin no test after so long; those left out are told.")] = None,
 ) -> None:
-    """Run the linter, the format check, the type checker, the rules of who imports whom, and all tests.
+    """Run the linter, the format check, the type checker, the rules of who imports whom, and the quick tests.
 
-    With arguments, run only pytest with these: ./sixstrut test tests/unit -k codec
+    With arguments, run only pytest with these: ./sixstrut test tests/sim_core -k symmetry
 
     With --soak, run the long ones: a million byte sequences through every decoder, 200 killed recorders, 200 stops under load, an
     hour of robot time with faults at random. They need a machine that is not busy.
@@ -45,16 +50,28 @@ def command(
     root = _root()
     signal.signal(signal.SIGTERM, _on_sigterm)
     chosen = [*(_SOAK if soak else []), *context.args]
-    pytest = {"pytest": ["-m", "pytest", *(chosen or ["--durations=10"])]}
-    steps = pytest if chosen else _CHECKS | pytest
+    kind = "slow" if slow else "not soak" if everything else "not slow and not soak"
+    steps = {"pytest": ["-m", "pytest", *chosen]} if chosen else {**({} if slow else _CHECKS), **_tests(kind)}
     with private_domain() as domain, tempfile.TemporaryDirectory(prefix="sixstrut-test-") as state:
         environ = {**os.environ, "SIXSTRUT_STATE_DIR": state}  # tests can meet no robot that runs on this machine
+        if everything or slow or soak:
+            environ["SIXSTRUT_TEST_ALL"] = "1"
+        if minutes is not None:
+            environ["SIXSTRUT_TEST_MINUTES"] = f"{minutes:g}"
         print(f"ROS domain {domain.number}", flush=True)
         results = [(name, *_run(name, arguments, root, environ, domain.locks)) for name, arguments in steps.items()]
     print()
     for name, code, seconds in results:
-        print(f"{'ok' if code == 0 else 'FAILED':6}  {name:12} {seconds:7.1f} s")
-    raise typer.Exit(next((code for _, code, _ in results if code != 0), 0))
+        print(f"{'ok' if code == 0 else 'FAILED':6}  {name:20} {seconds:7.1f} s")
+    raise typer.Exit(next((code for _, code, _ in results if code not in _FINE), 0))
+
+
+def _tests(kind: str) -> dict[str, list[str]]:
+    """What starts ROS nodes has the machine to itself; the rest runs beside each other, a file at a time."""
+    return {
+        "tests": ["-m", "pytest", "-m", f"({kind}) and not ros", *_WORKERS, "--durations=10"],
+        "tests with ROS": ["-m", "pytest", "-m", f"({kind}) and ros", "-q", "--durations=10"],
+    }
 
 
 def _root() -> Path:

@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""For all tests: how hypothesis draws, and an end to a run that has a limit."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import pytest
+from hypothesis import settings
+
+from tests.scale import ALL
+
+settings.register_profile("quick", derandomize=True, deadline=None, database=None)
+settings.register_profile("all", deadline=None)
+settings.load_profile("all" if ALL else "quick")
+
+_END = time.monotonic() + 60.0 * float(os.environ.get("SIXSTRUT_TEST_MINUTES", "inf"))
+
+
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """With a limit (`./sixstrut test --minutes`), what is not begun in time is skipped, and says so."""
+    if time.monotonic() > _END:
+        pytest.skip("the run's time is over")
