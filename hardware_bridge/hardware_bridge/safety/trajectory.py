@@ -104,9 +104,9 @@ class Trajectory:
         """Lengths in [m] at `time_s`, held beyond the ends. Shape (6,)."""
         times, lengths = self.times_s, self.lengths_m
         if time_s <= times[0]:
-            return lengths[0].copy()
+            return np.array(lengths[0])
         if time_s >= times[-1]:
-            return lengths[-1].copy()
+            return np.array(lengths[-1])
         right = int(np.searchsorted(times, time_s, side="right"))
         part = (time_s - times[right - 1]) / (times[right] - times[right - 1])
         return np.asarray(lengths[right - 1] + part * (lengths[right] - lengths[right - 1]))

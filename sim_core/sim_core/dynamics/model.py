@@ -17,7 +17,7 @@ from sim_core.structure.arrays import Array
 from sim_core.structure.elements import IMPROVED, KINDS, Elements, elements_of, previous_elements_of
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.rotations import norm, rotated
-from sim_core.structure.topology import TENDONS
+from sim_core.structure.topology import JOINTS, TENDONS
 
 STEP_MARGIN = 0.97
 """A time step above this share of the stability limit is refused."""
@@ -174,7 +174,7 @@ def _assembly(e: Elements) -> tuple[k.Assembly, NDArray[np.intp]]:
         starts.astype(np.int32),
         particles,
         bool((e.inertia_kg_m2 == e.inertia_kg_m2[:, :1]).all()),
-        bool((points[ends < k.JOINTS][:, 0] == 0.0).all() and (ends[:, 1] < k.JOINTS).all()),
+        bool((points[ends < JOINTS][:, 0] == 0.0).all() and (ends[:, 1] < JOINTS).all()),
         body,
     )
     return assembly, order

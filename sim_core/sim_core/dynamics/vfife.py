@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.simd import add_to, any_of, larger, load, root, select, smaller, store
+from sim_core.structure.arrays import Array
 from sim_core.structure.topology import JOINTS, POINTS_PER_JOINT
 
 # Rows of one particle in `state`: position, half-step velocity, orientation quaternion (w x y z), half-step spatial spin.
@@ -82,7 +83,7 @@ class Assembly(NamedTuple):
     particles: int
     isotropic: bool
     flat: bool
-    body: NDArray[np.float64]
+    body: Array
 
 
 class Layout(NamedTuple):
@@ -103,7 +104,7 @@ class Layout(NamedTuple):
 
 
 @_compiled
-def layout(particles, n_beams, n_cables):
+def layout(particles: int, n_beams: int, n_cables: int) -> Layout:
     """Layout for the given counts (six struts, sixty contact points)."""
     struts = particles * PARTICLE_ROWS
     contacts = struts + 6 * STRUT_ROWS
@@ -371,7 +372,7 @@ def _drive(state, par, struts, par_struts):
 
 
 @_compiled
-def forces(state, par, work, assembly, dt, reach):
+def forces(state: Array, par: Array, work: Array, assembly: Assembly, dt: float, reach: float) -> None:
     """Write rotation matrices, forces and moments of every particle into `work`; update friction and axial forces in `state`.
 
     Args:
@@ -412,7 +413,7 @@ def _forces(state, par, body, work, beams, cables, starts, particles, isotropic,
 
 
 @_compiled
-def integrate(state, par, work, assembly, dt, zeta):
+def integrate(state: Array, par: Array, work: Array, assembly: Assembly, dt: float, zeta: float) -> None:
     """Half-step velocities and spins from the forces, then positions and orientations (central difference, leapfrog form)."""
     _integrate(state, par, assembly.body, work, assembly.particles, assembly.isotropic, dt, zeta)
 
@@ -446,7 +447,9 @@ def _integrate(state, par, body, work, particles, isotropic, dt, zeta):
 
 
 @_compiled
-def turned(qw, qx, qy, qz, wx, wy, wz, half):
+def turned(
+    qw: float, qx: float, qy: float, qz: float, wx: float, wy: float, wz: float, half: float
+) -> tuple[float, float, float, float]:
     """The quaternion turned by the spatial angular velocity for 2·half seconds: Cayley map, normalised."""
     ax, ay, az = half * wx, half * wy, half * wz
     nw = qw - ax * qx - ay * qy - az * qz
@@ -458,7 +461,7 @@ def turned(qw, qx, qy, qz, wx, wy, wz, half):
 
 
 @_compiled
-def advance(state, par, work, assembly, dt, zeta, reach, steps):
+def advance(state: Array, par: Array, work: Array, assembly: Assembly, dt: float, zeta: float, reach: float, steps: int) -> None:
     """Take `steps` steps of `dt` seconds in place."""
     beams, cables, starts, particles, isotropic, flat, body = assembly
     lay = layout(particles, beams.shape[0], cables.shape[0])

@@ -19,6 +19,7 @@ from sim_core.dynamics.stability import ground_stiffness, mass_diagonal, stiffne
 from sim_core.errors import ModelError
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
+from sim_core.structure.topology import JOINTS, POINTS_PER_JOINT
 
 REFERENCE_FACE = "TC6"
 
@@ -62,7 +63,7 @@ def _add_turning_of_arms(total: Array, robot: Robot, frames: Array, touching: It
     height = robot.contact_points_m()[:, 2]
     normal, tangential = e.ground_stiffness_n_m
     for point in touching:
-        joint = point // k.POINTS_PER_JOINT
+        joint = point // POINTS_PER_JOINT
         arm = frames[joint] @ e.contact_point_m[point]
         force = np.append(-tangential * stretch[point], -normal * height[point])
         turn = slice(6 * joint + 3, 6 * joint + 6)
@@ -82,7 +83,7 @@ def vibrated_frequency_hz(model: Model, seconds: float = 40.0, amplitude_m: floa
     robot = Robot.resting_on(free, REFERENCE_FACE)
     modes = resting_modes(robot)
     shape = modes.shape[:, 0].reshape(-1, 6)
-    node = int(np.argmax(np.abs(shape[: k.JOINTS, :3]).max(axis=1)))
+    node = int(np.argmax(np.abs(shape[:JOINTS, :3]).max(axis=1)))
     axis = int(np.argmax(np.abs(shape[node, :3])))
     robot.push(shape[:, :3] * (2.0 * np.pi * modes.frequency_hz[0] * amplitude_m / np.abs(shape[:, :3]).max()))
     every = free.steps_per_second // 100

@@ -93,7 +93,7 @@ class Floor:
 
     def joints_m(self, stance: Stance) -> Array:
         """Where the twelve joints of a stance are above, (12, 2)."""
-        return _turned(self._joints[stance.face], stance.yaw_rad) + np.array((stance.x_m, stance.y_m))
+        return np.asarray(_turned(self._joints[stance.face], stance.yaw_rad) + np.array((stance.x_m, stance.y_m)))
 
     def rolled(self, stance: Stance, target: str) -> Stance:
         """The stance after a roll onto an adjacent face. Raises KeyError: it is not adjacent."""
@@ -245,7 +245,7 @@ def _heading(edge: Array) -> float:
 
 def _turned(points: Array, angle: float) -> Array:
     c, s = math.cos(angle), math.sin(angle)
-    return points @ np.array([[c, s], [-s, c]])
+    return np.asarray(points @ np.array([[c, s], [-s, c]]))
 
 
 def _turn(points: Array, seen: Array) -> float:

@@ -63,7 +63,7 @@ def elastic_forces(e: Elements, rest_m: Array, x: Array, r: Array) -> Array:
 
 def turn_rates(e: Elements, r: Array, spin: Array) -> Array:
     """(P, 3) angular velocities ω = R I⁻¹ Rᵀ s."""
-    return np.einsum("nij,nj,nkj,nk->ni", r, 1.0 / e.inertia_kg_m2, r, spin)
+    return np.asarray(np.einsum("nij,nj,nkj,nk->ni", r, 1.0 / e.inertia_kg_m2, r, spin))
 
 
 def kinetic_energy(e: Elements, r: Array, v: Array, spin: Array) -> float:

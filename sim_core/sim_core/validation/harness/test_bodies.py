@@ -13,6 +13,7 @@ from sim_core.dynamics import vfife as k
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import Elements, elements_of
 from sim_core.structure.parameters import Prototype
+from sim_core.structure.topology import JOINTS
 
 CLAMP = 1e12
 """Factor on mass or inertia that holds a particle in place."""
@@ -46,7 +47,7 @@ def strut_section(prototype: Prototype) -> Section:
 
 def chains(counts: Sequence[int]) -> list[list[int]]:
     """Particles of each of six beams of `six_beams`, from end 1 to end 2."""
-    out, following = [], k.JOINTS
+    out, following = [], JOINTS
     for beam, count in enumerate(counts):
         out.append([2 * beam, *range(following, following + count - 1), 2 * beam + 1])
         following += count - 1

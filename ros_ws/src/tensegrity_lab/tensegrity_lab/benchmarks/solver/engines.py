@@ -10,9 +10,9 @@ from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 
 from sim_core.dynamics import vfife as k
+from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.simd import ALIGNMENT, WIDTH
@@ -65,7 +65,9 @@ class Engine(Protocol):
 
 
 @njit(nogil=True, cache=True)
-def _advance_blocks(state, par, work, assembly, dt, zeta, reach, steps):
+def _advance_blocks(
+    state: Array, par: Array, work: Array, assembly: k.Assembly, dt: float, zeta: float, reach: float, steps: int
+) -> None:
     for block in range(state.shape[0]):
         k.advance(state[block], par[block], work[block], assembly, dt, zeta, reach, steps)
 
