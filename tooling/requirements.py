@@ -46,7 +46,7 @@ def _clause_holds(clause: str, python: tuple[int, int]) -> bool:
 
 
 def read_lock(path: Path) -> list[Requirement]:
-    """The lock's requirements in order. Each is a line `name==version ; marker \\` followed by its hashes."""
+    r"""The lock's requirements in order. Each is a line `name==version ; marker \` followed by its hashes."""
     joined = re.sub(r"\\\n\s*", " ", path.read_text(encoding="utf-8"))
     requirements = []
     for line in joined.splitlines():

@@ -62,7 +62,7 @@ def lock_port(port: str) -> PortLock:
     """Locks what is behind a path or URL, before it is opened.
 
     Raises:
-        PortMissing, PortBusy, PortWrongKind: As `SerialTransport.open`.
+        PortMissing, PortBusy, PortWrongKind: as `SerialTransport.open`.
     """
     return PortLock(_addresses(port) if "://" in port else (device_name(port),), port)
 

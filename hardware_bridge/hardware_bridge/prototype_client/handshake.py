@@ -38,12 +38,12 @@ class Handshake:
     """What the virtual prototype says about itself; nothing about its parameters.
 
     Attributes:
-        pid: Its process, by the kernel's word.
-        instance: New at every start: another robot, whose struts are elsewhere.
-        device: The pty behind the link.
-        time_scale: Its robot seconds per second.
-        observer: Path of its observer's socket.
-        board: The board that it emulates (see `codecs.registry`).
+        pid: its process, by the kernel's word.
+        instance: new at every start: another robot, whose struts are elsewhere.
+        device: the pty behind the link.
+        time_scale: its robot seconds per second.
+        observer: path of its observer's socket.
+        board: the board that it emulates (see `codecs.registry`).
     """
 
     pid: int
@@ -102,7 +102,7 @@ def require_prototype(link: Path) -> Handshake:
     """The handshake of the prototype at a link that nobody named as a port: what else lives there is nobody's robot.
 
     Raises:
-        PortMissing: There is none, with what is there instead.
+        PortMissing: there is none, with what is there instead.
     """
     handshake, doubt = examine(str(link))
     if handshake is None:

@@ -22,8 +22,8 @@ class PseudoPort:
     """A raw pty whose other end is linked at `link`.
 
     Attributes:
-        link: The link.
-        device: What it points to.
+        link: the link.
+        device: what it points to.
     """
 
     def __init__(self, link: Path) -> None:

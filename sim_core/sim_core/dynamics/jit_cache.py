@@ -55,8 +55,10 @@ def sources_hash(*patterns: str) -> str:
 
 
 def use_own_folder() -> Path:
-    """Point numba at the folder for exactly these sources; must run before anything is compiled. A folder given by the user
-    (NUMBA_CACHE_DIR) is the parent then."""
+    """Point numba at the folder for exactly these sources; must run before anything is compiled.
+
+    A folder given by the user (NUMBA_CACHE_DIR) is the parent then.
+    """
     package = Path(__file__).parent.parent
     given = os.environ.get("NUMBA_CACHE_DIR")
     if given:

@@ -81,8 +81,8 @@ def build_model(
     """Check the elements (default: those of the prototype, for the paper's improved or previous model) and make the model.
 
     Raises:
-        ModelError: a mass, stiffness or point that is not finite or not positive, a cable to a missing particle,
-            a slack self-stress (which `allow_slack` permits, for bodies that are no tensegrity).
+        ModelError: a mass, stiffness or point that is not finite or not positive, a cable to a missing particle, a slack
+            self-stress (which `allow_slack` permits, for bodies that are no tensegrity).
         UnstableStepError: the time step is beyond the model's limit; names both.
     """
     if kind not in KINDS:

@@ -57,6 +57,9 @@ class Robot:
         """A robot settled on a face at neutral lengths, its centre of mass above `center_m`.
 
         Args:
+            model: the robot's model.
+            face: its name, such as TC6.
+            center_m: (x, y) of the centre of mass, in [m].
             yaw_rad: turn about the vertical, from the smallest turn that puts the face down.
 
         Raises:
@@ -81,8 +84,10 @@ class Robot:
         return robot
 
     def take_settled(self, state: Array, work: Array, center_m: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Take on the rows of a robot that was settled with heavy damping: stop all motion (friction keeps its hold) and put the
-        centre of mass above `center_m`."""
+        """Take on the rows of a robot that was settled with heavy damping.
+
+        Stops all motion (friction keeps its hold) and puts the centre of mass above `center_m`.
+        """
         self._state[:], self._work[:] = state, work
         self._require_finite()
         self._particles[:, k.V : k.V + 3] = 0.0

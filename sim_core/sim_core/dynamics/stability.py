@@ -50,7 +50,9 @@ def ground_stiffness(e: Elements, frames: Array, points: Iterable[int]) -> Array
     """Stiffness of closed, sticking contacts at the given contact points, (6P, 6P).
 
     Args:
+        e: the robot's elements.
         frames: (P, 3, 3) rotation matrices.
+        points: indices of the contact points.
     """
     particles = len(e.mass_kg)
     total = np.zeros((6 * particles, 6 * particles))

@@ -97,8 +97,10 @@ def base(
 
 @njit(cache=True)
 def past_edges(joints: Array, center: Array, down: Array, corners: NDArray[np.int64], most: Array) -> None:
-    """Raise `most` (3,): how far the centre of mass, projected along gravity, is outside each edge of the triangle of joints
-    `corners` (negative: inside)."""
+    """Raise `most` (3,): how far the centre of mass, projected along gravity, is outside each edge of a triangle.
+
+    `corners` are the triangle's joints; negative: inside.
+    """
     x = center[0] - down[0] * center[2] / down[2]
     y = center[1] - down[1] * center[2] / down[2]
     a, b, c = joints[corners[0]], joints[corners[1]], joints[corners[2]]
@@ -135,7 +137,9 @@ def judge_footing(joints_m: Array, center_of_mass_m: Array, ground_force_n: Arra
     """The base face: the three joints that carry the weight, with the centre of mass's projection inside their triangle.
 
     Args:
-        joints_m: (12, 3). center_of_mass_m: (3,). ground_force_n: (12,) normal force per joint.
+        joints_m: (12, 3).
+        center_of_mass_m: (3,).
+        ground_force_n: (12,) normal force per joint.
         carry_n: a joint that carries more than this touches the ground.
         down: (3,) direction of gravity.
     """

@@ -376,6 +376,11 @@ def forces(state: Array, par: Array, work: Array, assembly: Assembly, dt: float,
     """Write rotation matrices, forces and moments of every particle into `work`; update friction and axial forces in `state`.
 
     Args:
+        state: rows of one robot or of eight, see the module.
+        par: the same.
+        work: the same; written.
+        assembly: which particles each element joins.
+        dt: time step (s).
         reach: no contact point of a joint is farther than this from the joint (m); joints higher than it are skipped.
     """
     beams, cables, starts, particles, isotropic, flat, body = assembly

@@ -28,7 +28,8 @@ class Modes(NamedTuple):
     """Natural modes, lowest first.
 
     Attributes:
-        frequency_hz: (6P,). shape: (6P, 6P), columns: displacement and rotation of each particle, mass-normalised.
+        frequency_hz: (6P,).
+        shape: (6P, 6P), columns: displacement and rotation of each particle, mass-normalised.
     """
 
     frequency_hz: Array
@@ -76,8 +77,11 @@ def first_frequency_hz(model: Model) -> float:
 
 
 def vibrated_frequency_hz(model: Model, seconds: float = 40.0, amplitude_m: float = 2e-5) -> float:
-    """The same frequency from a simulated free vibration: the robot is set moving in its first mode, without mass damping, and the
-    largest peak of the spectrum is read (Blackman–Harris window, parabola through the logarithm of the peak)."""
+    """The same frequency from a simulated free vibration.
+
+    The robot is set moving in its first mode, without mass damping, and the largest peak of the spectrum is read (Blackman–Harris
+    window, parabola through the logarithm of the peak).
+    """
     prototype = replace(model.prototype, mass_damping_ratio=0.0)
     free = build_model(prototype, replace(model.elements, zeta_1_s=0.0))
     robot = Robot.resting_on(free, REFERENCE_FACE)
@@ -100,8 +104,9 @@ def vibrated_frequency_hz(model: Model, seconds: float = 40.0, amplitude_m: floa
 
 
 def calibrated(prototype: Prototype, frequency_hz: float) -> Prototype:
-    """The prototype with the stiffness of all ropes scaled, stretch kept and so the prestress scaled alike, until its first
-    frequency is the wanted one, which also sets the mass damping.
+    """The prototype with the stiffness of all ropes scaled until its first frequency is the wanted one.
+
+    The ropes' stretch is kept, so the prestress scales alike. The frequency also sets the mass damping.
 
     Raises:
         ModelError: no stiffness within a factor of thirty gives that frequency.

@@ -36,7 +36,8 @@ def read_yaml(path: Path | str) -> Any:
     """The document in a file: mappings with text keys, lists, text, whole numbers, floats (NaN too), truth values and None.
 
     Raises:
-        YamlError: one line with file, line, what is wrong and what to do. OSError: it cannot be read.
+        YamlError: one line with file, line, what is wrong and what to do.
+        OSError: it cannot be read.
     """
     try:
         data = read_bytes(path)

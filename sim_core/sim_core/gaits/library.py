@@ -59,7 +59,9 @@ class Library:
     """Primitives that belong together, with how they were found.
 
     Attributes:
-        name: e.g. "robust". model_hash: of the model they were found with. provenance: how they were found.
+        name: e.g. "robust".
+        model_hash: of the model they were found with.
+        provenance: how they were found.
     """
 
     name: str

@@ -54,8 +54,15 @@ class Shared(NamedTuple):
 
 
 class Robots(NamedTuple):
-    """What differs from model to model: kernel rows (m, rows), bodies (m, rows; (0, rows) if all models have the same), masses
-    (m, P), carrying force (m,), down (m, 3)."""
+    """What differs from model to model.
+
+    Attributes:
+        par: kernel rows, (m, rows).
+        body: bodies, (m, rows); (0, rows) if all models have the same.
+        mass: masses of the particles, (m, P).
+        carry: force above which a joint carries, (m,).
+        down: direction of gravity, (m, 3).
+    """
 
     par: Array
     body: Array
@@ -135,7 +142,7 @@ def _run(
 
 @njit(cache=True)
 def _copy(source: Array, to: Array) -> None:
-    """Copy a column. (A slice assignment compiles ten times as long: it has messages about shapes.)"""
+    """Copy a column: a slice assignment compiles ten times as long, for its messages about shapes."""
     for row in range(to.shape[0]):
         to[row] = source[row]
 
@@ -254,6 +261,7 @@ class Batch:
         """Run every job; results in the jobs' order.
 
         Args:
+            jobs: the rolls.
             report: called with (jobs done, total) now and then.
         """
         self.settle([(job.model, job.source) for job in jobs])

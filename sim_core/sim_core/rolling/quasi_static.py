@@ -88,7 +88,13 @@ def look(state: Array, work: Array, track: Array, record: Array, rules: w.Rules,
     """One look at a relaxation that goes on: once it is over, change the lengths further, or go on to the return or to the end.
 
     Args:
-        track: this robot's. tolerance: of the net force, squared.
+        state: this robot's column.
+        work: this robot's column.
+        track: this robot's column.
+        record: the roll's course, see `roll_monitor`.
+        rules: what is judged by.
+        struts: first of the struts' rows in `state`.
+        tolerance: of the net force, squared.
     """
     record[w.SAMPLES] += 1
     record[w.WAITED] += 1

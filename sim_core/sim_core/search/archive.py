@@ -31,7 +31,8 @@ class Elites:
     """Candidates, best first, of which each differs from all better ones by `apart_mm` or more.
 
     Attributes:
-        apart_mm: see `distance_mm`. most: how many are kept.
+        apart_mm: see `distance_mm`.
+        most: how many are kept.
     """
 
     def __init__(self, apart_mm: int, most: int, candidates: Iterable[Candidate] = ()):
@@ -48,8 +49,10 @@ class Elites:
         return tuple(self._ranked)
 
     def add(self, candidates: Iterable[Candidate]) -> None:
-        """Take in those that are better than every elite near them; elites near a better one leave. The order given matters to
-        nobody: equal merits are ranked by policy."""
+        """Take in those that are better than every elite near them; elites near a better one leave.
+
+        The order given does not matter: equal merits are ranked by policy.
+        """
         found = {candidate.policy: candidate for candidate in [*candidates, *self._ranked]}
         chosen: list[Candidate] = []
         for candidate in sorted(found.values(), key=lambda c: (-c.merit, c.policy)):

@@ -50,7 +50,8 @@ class Seen(NamedTuple):
     """One trial of a robot.
 
     Attributes:
-        roll: what was tried. won: it stood on the target after actuation and after the return.
+        roll: what was tried.
+        won: it stood on the target after actuation and after the return.
         placed: it stood on the floor in the direction in which the model places it; else nobody knows in which.
     """
 
@@ -70,7 +71,10 @@ def wins_of(
     """What each member does in each trial, (members, trials).
 
     Args:
+        nominal: model of the nominal prototype.
+        members: what the robots are.
         rolls: what is tried, and whether the direction is known. Where it is not, each trial of each member has one of its own.
+        report: called with (done, total).
 
     Raises:
         ModelError: a member that cannot be built.
@@ -110,8 +114,10 @@ class Fit:
     """An ensemble fitted to trials.
 
     Attributes:
-        members, weights: (members,), of all rounds. wins: (members, trials) what each does in the trials seen.
-        effective_sizes: after each round. lapses: by which the weights were made after each round (`posterior.softened`).
+        members, weights: (members,), of all rounds.
+        wins: (members, trials) what each does in the trials seen.
+        effective_sizes: after each round.
+        lapses: by which the weights were made after each round (`posterior.softened`).
         prior, seed, lapse: as asked for.
     """
 
@@ -161,7 +167,13 @@ def fit(
     """Fit an ensemble. The same arguments give the same ensemble.
 
     Args:
-        count: members of each round. rounds: after the first, at most; drawn while too few members carry the weight (ENOUGH).
+        nominal: model of the nominal prototype.
+        seen: trials with their outcomes.
+        prior: what is thought of the robot before; None: the usual one.
+        count: members of each round.
+        seed: of all draws.
+        lapse: least lapse rate ε.
+        rounds: after the first, at most; drawn while too few members carry the weight (ENOUGH).
         report: told (rolls done, rolls in all) of each round.
         first_wins: what the prior's members do in these trials, (count, trials), if that is known already.
 
@@ -207,7 +219,10 @@ def estimates(parameters: Array, weights: Array, labels: Sequence[str], half_ran
     """What weighted members say of each parameter.
 
     Args:
-        parameters: (members, d). weights: (members,), sum 1. labels: (d,). half_ranges: (d,) of the uniform prior.
+        parameters: (members, d).
+        weights: (members,), sum 1.
+        labels: (d,).
+        half_ranges: (d,) of the uniform prior.
     """
     found = []
     for column, label, half in zip(parameters.T, labels, half_ranges, strict=True):

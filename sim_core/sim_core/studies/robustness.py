@@ -36,8 +36,9 @@ class Plan:
     """What to study.
 
     Attributes:
-        law, seed: of the prototypes. prototypes: how many, K. first: number of the first one in this seed's endless row, so that
-            a large study can be done in slices.
+        law, seed: of the prototypes.
+        prototypes: how many, K.
+        first: number of the first one in this seed's endless row, so that a large study can be done in slices.
         one_gait: instead of 24 gaits on K prototypes, the reference gait on 24 K: the same under a symmetric law.
     """
 
@@ -169,6 +170,10 @@ def chunks_of(
     """The study's work: every chunk some prototypes with all their rolls, prototype by prototype, primitive by primitive.
 
     Args:
+        prototype: the nominal prototype.
+        primitives: what is tried.
+        plan: the robots and the design of the study.
+        kind: IMPROVED or PREVIOUS.
         size: rolls of a chunk; default: see `chunk_jobs`.
     """
     rolls = []

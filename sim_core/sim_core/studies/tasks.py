@@ -97,8 +97,9 @@ class Trials(NamedTuple):
     """Outcomes of a chunk's jobs, in their order; see `RollResult` for meanings. Arrays are (jobs,).
 
     Attributes:
-        past_edge_m: over the edge that the centre of mass got past the farthest. toward: the wanted face; of a job that wanted
-            none, the adjacent face that it landed on, else the one behind that edge. landed: it stood on that face after actuation.
+        past_edge_m: over the edge that the centre of mass got past the farthest.
+        toward: the wanted face; of a job that wanted none, the adjacent face that it landed on, else the one behind that edge.
+        landed: it stood on that face after actuation.
     """
 
     feasible: NDArray[np.bool_]

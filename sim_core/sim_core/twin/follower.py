@@ -146,6 +146,8 @@ class Follower:
         """A twin resting on `face` until the first event.
 
         Args:
+            model: the robot's model.
+            face: where it rests.
             parameters: of its actuators, for a model of a `following` prototype; None: the solver's own, which feel no load.
 
         Raises:

@@ -83,7 +83,8 @@ class Group(NamedTuple):
     """One uncertainty.
 
     Attributes:
-        width: half range of the error per unit of scale. unit: of the error; "1" is relative.
+        width: half range of the error per unit of scale.
+        unit: of the error; "1" is relative.
         what: in words, with its range at scale s.
         members: how many errors a robot has.
         batch: how many of these, from the first, are of one batch and may be correlated.

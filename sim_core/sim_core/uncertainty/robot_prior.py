@@ -41,8 +41,10 @@ class Member(NamedTuple):
 
     Attributes:
         friction, stiffness, rest_length: factors of both coefficients, of all ropes' stiffness, of all ropes' rest lengths.
-        stroke: six factors. slope_deg: tilt of the ground about x, then y, in degrees, for the robot placed as the model places it.
-        noise: scale of the errors of single members. seed, number: which draw of these.
+        stroke: six factors.
+        slope_deg: tilt of the ground about x, then y, in degrees, for the robot placed as the model places it.
+        noise: scale of the errors of single members.
+        seed, number: which draw of these.
     """
 
     friction: float
@@ -75,7 +77,8 @@ class Prior:
     """What is thought of a robot before its trials: independent and uniform, each factor in 1 ± its number.
 
     Attributes:
-        friction, stiffness, rest_length, stroke: half ranges of factors. slope_deg: of the ground's tilt about each axis.
+        friction, stiffness, rest_length, stroke: half ranges of factors.
+        slope_deg: of the ground's tilt about each axis.
         noise: scale of `uncertainty.Law` for the errors of single ropes and masses.
     """
 

@@ -177,7 +177,7 @@ def robot_on_slope(setting: Setting) -> Case:
 
 
 def restitution(ratio: Array) -> Array:
-    """e of a linear spring and damper whose force is clipped at zero, by the damping ratio."""
+    """Restitution e of a linear spring and damper whose force is clipped at zero, by the damping ratio."""
     # with ω₀ = 1: β = ratio, ω_d² = 1 − β²; the angle is in (0, π)
     damped = np.sqrt(1.0 - ratio**2)
     return np.asarray(np.exp(-ratio / damped * (np.pi - np.arctan2(2.0 * ratio * damped, damped**2 - ratio**2))))

@@ -80,12 +80,15 @@ class Run:
     """A structure that is stepped; the views `x`, `v`, `q`, `s` (P rows each) may be written.
 
     Attributes:
-        x: positions. v: half-step velocities. q: quaternions. s: half-step spatial spins.
+        x: positions.
+        v: half-step velocities.
+        q: quaternions.
+        s: half-step spatial spins.
         par: the kernel's table, this run's own copy.
     """
 
     def __init__(self, model: Model, *, ground: bool = False, zeta_1_s: float = 0.0, dt_s: float | None = None):
-        """At rest in the elements' own shape. Args: dt_s: instead of the model's, past its guard."""
+        """At rest in the elements' own shape. `dt_s`: instead of the model's, past its guard."""
         self.model, self.zeta_1_s, self.step = model, zeta_1_s, 0
         self.dt_s = model.dt_s if dt_s is None else dt_s
         self.reach_m = model.reach_m if ground else NO_GROUND

@@ -112,7 +112,10 @@ def bodies(prototype: Prototype, mass_kg: Array, inertia_kg_m2: Array, contact_p
     """Twelve separate rigid bodies in a row along y, 1 m apart, on the prototype's ground; no struts or ropes to speak of.
 
     Args:
-        mass_kg: (12,). inertia_kg_m2: (12, 3). contact_point_m: (5, 3), alike for all.
+        prototype: the nominal prototype.
+        mass_kg: (12,).
+        inertia_kg_m2: (12, 3).
+        contact_point_m: (5, 3), alike for all.
     """
     base = elements_of(replace(prototype, strut_elements=1))
     position = np.zeros((13, 3))

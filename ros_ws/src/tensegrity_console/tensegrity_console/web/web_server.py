@@ -184,12 +184,15 @@ class Server:
     """Made, and run, in one thread.
 
     Attributes:
-        links: the pages that are connected, by number. orders: carries out what they ask for. clicked: told of a page's click.
-        scene: path of viser's socket. url: where a person opens it.
+        links: the pages that are connected, by number.
+        orders: carries out what they ask for.
+        clicked: told of a page's click.
+        scene: path of viser's socket.
+        url: where a person opens it.
     """
 
     def __init__(self, host: str, port: int, token: str, scene: Path, orders: Orders, clicked: Callable[[Page, Click], None]):
-        """Listen. Args: port: 0: any free one. Raises ConsoleError: the port is taken, or no such address is here."""
+        """Listen. `port`: 0: any free one. Raises ConsoleError: the port is taken, or no such address is here."""
         import viser
 
         self.links: dict[str, _Link] = {}

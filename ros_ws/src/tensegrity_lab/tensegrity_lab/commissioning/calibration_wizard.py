@@ -29,7 +29,7 @@ def ask_robot(file: Path, given: str, console: Console) -> str:
     """The robot's name: the given one, the unfinished calibration's, or as a person types it; a finished one's is offered.
 
     Raises:
-        CalibrationError: It is no name, or the unfinished calibration is another robot's.
+        CalibrationError: it is no name, or the unfinished calibration is another robot's.
     """
     unfinished = Unfinished(file)
     if given:

@@ -48,7 +48,7 @@ def check_port(port: str, baud: int, board: Board) -> Iterator[Finding]:
 
 
 def check_bluetooth(port: str, sys: Path = Path("/sys")) -> Iterator[Finding]:
-    """Adapter and pairing, for an rfcomm port. Args: sys: of the kernel."""
+    """Adapter and pairing, for an rfcomm port. `sys`: of the kernel."""
     what = "pairing"
     if not os.path.basename(port).startswith("rfcomm"):
         yield Finding(what, Health.SKIPPED, "not a Bluetooth port")

@@ -30,8 +30,11 @@ class Figures(NamedTuple):
     """Measured.
 
     Attributes:
-        primitives: of the library. cost: of the study. chunk_rolls: rolls in a chunk of a large study.
-        sent_bytes, back_bytes: pickled chunk and its trials. task_s: time of the cluster's scheduler and client a chunk.
+        primitives: of the library.
+        cost: of the study.
+        chunk_rolls: rolls in a chunk of a large study.
+        sent_bytes, back_bytes: pickled chunk and its trials.
+        task_s: time of the cluster's scheduler and client a chunk.
     """
 
     primitives: int

@@ -39,7 +39,9 @@ class Told:
     """One session's ledger, read.
 
     Attributes:
-        folder: the session. lines: every trial with its outcome, in order, revoked ones too. revoked: their numbers.
+        folder: the session.
+        lines: every trial with its outcome, in order, revoked ones too.
+        revoked: their numbers.
         damaged: lines cut short.
     """
 
@@ -75,7 +77,9 @@ class Group:
     """Sessions that are reported together.
 
     Attributes:
-        sessions: in the order given. lines: all their valid trials. names: of the primitives, in the libraries' order.
+        sessions: in the order given.
+        lines: all their valid trials.
+        names: of the primitives, in the libraries' order.
         virtual: whether these are virtual trials.
     """
 

@@ -111,7 +111,11 @@ def study(
     A trip whose robot took its orders too late is none: it is made again, and all after it, at half the time scale.
 
     Args:
-        robot: its seed is that of the first goal. tell: told what goes on. done: told of each trip that is over.
+        cases: the trips.
+        robot: its seed is that of the first goal.
+        folder: where trips and bags are kept.
+        tell: told what goes on.
+        done: told of each trip that is over.
 
     Raises:
         StackError, OSError.
@@ -152,7 +156,7 @@ def summary_of(trips: Sequence[Trip]) -> str:
 
 
 def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: str, picture: str) -> str:
-    """The page, as Markdown. Args: left: how many travels are still to be made."""
+    """The page, as Markdown. `left`: how many travels are still to be made."""
     rows = [
         f"| {' | '.join(words_of(group))} | {summary_of([trip for case, trip in found.items() if case.group == group])} |"
         for group in groups_of(found)

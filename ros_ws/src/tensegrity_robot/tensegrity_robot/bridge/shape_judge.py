@@ -13,8 +13,10 @@ READY_LIMIT_S = 180.0
 
 
 class ShapeRule:
-    """What `hardware_bridge.safety.limit_checks.Rules` wants: six rest lengths (m) -> what is wrong, or None. Waits until it is
-    ready."""
+    """What `hardware_bridge.safety.limit_checks.Rules` wants: six rest lengths (m) -> what is wrong, or None.
+
+    A call waits until the rule is ready.
+    """
 
     def __init__(self, prototype_file: str, slack_limit: int):
         """Args: prototype_file: YAML of the robot's numbers; empty: the nominal ones.
