@@ -38,6 +38,7 @@ EXIT_INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str]) -> int:
+    """Run a command line; the exit status."""
     layout = Layout(ROOT)
     try:
         return _dispatch(layout, arguments)

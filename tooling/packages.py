@@ -32,6 +32,7 @@ def made_by_us(layout: Layout) -> bool:
 
 
 def ready(layout: Layout) -> bool:
+    """Whether the environment holds what the lock asks for."""
     try:
         stamp = _stamp_file(layout).read_text(encoding="utf-8")
     except FileNotFoundError:

@@ -25,6 +25,8 @@ _FIXED = {
 
 @dataclass(frozen=True)
 class Requirement:
+    """One package of the lock."""
+
     name: str
     version: str
     marker: str  # empty: holds everywhere
@@ -32,6 +34,7 @@ class Requirement:
     text: str  # the lines of the lock, verbatim
 
     def holds_for(self, python: tuple[int, int]) -> bool:
+        """Whether the package is wanted by this version of Python."""
         return all(_clause_holds(clause.strip(), python) for clause in self.marker.split(" and ") if clause.strip())
 
 

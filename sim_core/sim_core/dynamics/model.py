@@ -44,10 +44,12 @@ class Model:
 
     @property
     def steps_per_second(self) -> int:
+        """Steps per second of simulated time."""
         return self.elements.steps_per_second
 
     @property
     def dt_s(self) -> float:
+        """The time step, s."""
         return 1.0 / self.elements.steps_per_second
 
     @property
@@ -62,10 +64,12 @@ class Model:
 
     @cached_property
     def hash(self) -> str:
+        """Identifies the elements, and so the model."""
         return self.elements.hash
 
     @cached_property
     def layout(self) -> k.Layout:
+        """First row of each table of the kernel's columns."""
         return k.Layout(*k.layout.py_func(self.assembly.particles, len(self.assembly.beams), len(self.assembly.cables)))
 
     def rest_lengths(self, commanded_m: Array) -> Array:

@@ -51,6 +51,7 @@ class Gait:
 
     @property
     def name(self) -> str:
+        """Primitive and faces, for people."""
         return f"{self.primitive.name} {self.source}→{self.target}"
 
 

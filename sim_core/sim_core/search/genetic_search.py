@@ -181,6 +181,7 @@ class Search:
 
     @property
     def progress(self) -> Progress:
+        """How far the search is."""
         found = {name: min(elites.count(FEASIBLE), self.plan.keep) for name, elites in self._elites.items()}
         best = {name: max((c.merit for c in elites.ranked[:1]), default=0.0) for name, elites in self._elites.items()}
         share = sum(0.1 * found[name] / self.plan.keep + 0.9 * self._polished(name) for name in found) / len(found)

@@ -96,6 +96,7 @@ class RollClass(NamedTuple):
 
     @property
     def name(self) -> str:
+        """Its reference pair, such as TC6-TO5."""
         return f"{self.source}-{self.target}"
 
 

@@ -101,6 +101,7 @@ class Study:
 
     @property
     def counts(self) -> Counts:
+        """How many primitives reach the paper's levels."""
         return counts_of(self.rates)
 
     @property

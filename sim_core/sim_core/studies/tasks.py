@@ -124,7 +124,8 @@ def silent(done: int, total: int) -> None:
 class Runner(Protocol):
     """Runs chunks; trials in the chunks' order, whatever the number of workers. `report` gets (rolls done, rolls in all)."""
 
-    def __call__(self, chunks: Sequence[Chunk], report: Report = silent) -> list[Trials]: ...
+    def __call__(self, chunks: Sequence[Chunk], report: Report = silent) -> list[Trials]:
+        """Run chunks."""
 
 
 def run_chunk(chunk: Chunk, threads: int = 1, report: Report = silent) -> Trials:

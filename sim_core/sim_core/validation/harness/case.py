@@ -84,4 +84,5 @@ class Case:
 
     @property
     def passed(self) -> bool:
+        """Whether the error is within the tolerance."""
         return bool(math.isfinite(self.measured) and self.error <= self.tolerance)

@@ -50,9 +50,11 @@ class Orders(Protocol):
 
     pages: dict[str, Page]
 
-    def arrived(self) -> Page: ...
+    def arrived(self) -> Page:
+        """A page was opened."""
 
-    def left(self, page: Page) -> None: ...
+    def left(self, page: Page) -> None:
+        """A page was closed."""
 
     def carry_out(self, page: Page, order: dict[str, Any], answer: Reply) -> None:
         """The answer may come from any thread."""

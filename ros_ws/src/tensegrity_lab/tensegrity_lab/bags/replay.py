@@ -38,6 +38,7 @@ class FaceCheck:
 
     @property
     def agrees(self) -> bool:
+        """Whether both stood on the same face."""
         return self.predicted == self.observed
 
 

@@ -52,6 +52,7 @@ class Told:
 
     @property
     def path(self) -> Path:
+        """The session's folder."""
         return self.folder.path
 
     @cached_property

@@ -51,6 +51,7 @@ class Case:
 
     @property
     def key(self) -> Key:
+        """What makes the trip another one than those made."""
         return self.number, self.incline_deg, self.library, self.use_odds
 
     @property

@@ -31,6 +31,7 @@ class ShapeRule:
         threading.Thread(target=self._make, name="shape judge", daemon=True).start()
 
     def __call__(self, lengths_m: tuple[float, ...]) -> str | None:
+        """What is wrong with six rest lengths (m), or None."""
         if not self._ready.wait(READY_LIMIT_S):
             return f"the judge of shapes did not become ready within {READY_LIMIT_S:g} s; start the bridge again"
         return self._problem or self._judge(lengths_m)
