@@ -27,8 +27,8 @@ def command(
 ) -> None:
     """Scale the stiffness of all ropes until the lowest natural frequency is the measured one; write a prototype YAML.
 
-    The robot rests on TC6, feet sticking. The ropes' stretch stays, so prestress scales alike. A simulated free vibration checks the
-    result.
+    The robot rests on TC6, feet sticking. The ropes' stretch stays, so prestress scales alike. A simulated free vibration
+    checks the result.
 
     sixstrut calibrate-model -o mine.yaml
     sixstrut calibrate-model --frequency 4.8 --measured joint_mass_kg=0.0091 -o mine.yaml
