@@ -55,7 +55,7 @@ def check_straight(strut: str, short: Measured, long: Measured, middle: Measured
         raise CalibrationError("measured", f"{problem}; valid is within {RESIDUAL_LIMIT_MM:g} mm, measure again", strut)
 
 
-def fit(strut: str, channel: int, short: Measured, long: Measured, zero_pulse_us: int, mid_stroke_mm: float) -> StrutCalibration:
+def fit(strut: str, channel: int, short: Measured, long: Measured, zero_pulse_us: int) -> StrutCalibration:
     """One strut's calibration.
 
     Args:
@@ -64,7 +64,6 @@ def fit(strut: str, channel: int, short: Measured, long: Measured, zero_pulse_us
         short: the end point that a person chose near the short end.
         long: the same near the long end.
         zero_pulse_us: the pulse at which the strut was seen to be at mid stroke.
-        mid_stroke_mm: its length there.
 
     Raises:
         CalibrationError: not plausible, with what is valid.

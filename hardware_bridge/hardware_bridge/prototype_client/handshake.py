@@ -88,7 +88,8 @@ def examine(port: str) -> tuple[Handshake | None, str]:
     An empty reason: nothing there looks like a prototype.
     """
     link = Path(port)
-    if not os.path.islink(port) or not (os.path.lexists(lock_path(link)) or os.path.lexists(faults_path(link))):
+    is_link = os.path.islink(port)  # noqa: PTH114 (no error where it may not be looked at)
+    if not is_link or not (os.path.lexists(lock_path(link)) or os.path.lexists(faults_path(link))):
         return None, ""
     try:
         return _proven(link), ""
@@ -113,7 +114,7 @@ def require_prototype(link: Path) -> Handshake:
 def require_same_pty(port: str, handshake: Handshake, descriptor: int | None) -> None:
     """Raises PortMissing unless what was opened is the pty of the prototype that gave the handshake before."""
     try:
-        if descriptor is None or _identity(os.fstat(descriptor)) != _identity(os.stat(handshake.device)):
+        if descriptor is None or _identity(os.fstat(descriptor)) != _identity(Path(handshake.device).stat()):
             raise OSError(None, "another device was opened")
         _require_pty(handshake.pid, handshake.device)
     except OSError as error:
@@ -194,11 +195,11 @@ def _require_pty(pid: int, device: str) -> None:
     found = _PTY.fullmatch(device)
     if found is None:
         raise OSError(None, f"{device} is no pty")
-    far = _identity(os.stat(device))  # not only its number: containers count their own
+    far = _identity(Path(device).stat())  # not only its number: containers count their own
     has_far = has_near = False
     for entry in os.scandir(f"/proc/{pid}/fd"):
         try:
-            one = os.stat(entry.path)
+            one = Path(entry.path).stat()
             has_far |= _identity(one) == far
             if stat.S_ISCHR(one.st_mode) and one.st_rdev == _PTMX:
                 has_near |= f"tty-index:\t{found[1]}\n" in Path(f"/proc/{pid}/fdinfo/{entry.name}").read_text(encoding="ascii")

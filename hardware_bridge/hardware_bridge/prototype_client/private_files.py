@@ -74,7 +74,7 @@ def listen(path: Path, clients: int) -> socket.socket:
     server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         server.bind(os.fspath(path))
-        os.chmod(path, 0o600)
+        path.chmod(0o600)
         server.listen(clients)
         server.setblocking(False)
     except OSError:

@@ -153,7 +153,7 @@ def finish_journal(journal: Path, path: Path) -> Recording:
         copy = _tally(temporary)
         if copy.value != source.value or _indexed_messages(temporary) != sum(source.counts.values()):
             raise RecorderError(str(path), f"does not read back as written; the journal {journal} is kept")
-        os.replace(temporary, path)
+        temporary.replace(path)
         kept = _keep(journal) if found.places else None
         if kept is None:
             journal.unlink()
@@ -171,7 +171,7 @@ def _keep(journal: Path) -> Path:
     number = 1
     while (kept := journal.with_name(f"{journal.name}{DAMAGED}{number if number > 1 else ''}")).exists():
         number += 1
-    os.replace(journal, kept)
+    journal.replace(kept)
     return kept
 
 

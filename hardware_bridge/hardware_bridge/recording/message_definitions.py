@@ -97,7 +97,7 @@ class ShareSchemas:
 
 def dependencies(text: str, short_name: str) -> list[str]:
     """The types (`package/Name`) that a definition's fields are made of, in order, some perhaps twice."""
-    package = short_name.split("/")[0]
+    package = short_name.split("/", maxsplit=1)[0]
     found = []
     for line in text.splitlines():
         match = _FIELD.match(line.split("#")[0].strip())

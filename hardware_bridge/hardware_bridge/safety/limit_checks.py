@@ -28,7 +28,7 @@ MOST_SHAPES = 16000
 _ROUNDING_M = 1e-9
 
 
-def any_shape(lengths_m: tuple[float, ...]) -> str | None:
+def any_shape(_lengths_m: tuple[float, ...]) -> str | None:
     """The shape check of somebody who has none."""
     return None
 
@@ -132,15 +132,15 @@ def check_frame(
     repeats every pulse (energise) moves nothing, and a hold goes nowhere new: they are held to that and to the pulse limits only.
 
     Args:
-        struts: Indices (from 0) of the struts in the frame.
-        pulses_us: All six pulses after the frame.
-        previous_us: All six before it; None where not known.
-        duration_ms: Duration asked of the board.
-        homing: The policy's stroke limit does not hold yet; everything else does.
-        board_us: The six pulses that the board gives now, see `BoardTrack`; None
-        for a strut
-            that it was not sent since the port was opened. None: where it was sent before.
-        hold: The frame is to stop the struts: it must lie between where the board is and where it was sent.
+        rules: limits and calibration.
+        struts: indices (from 0) of the struts in the frame.
+        pulses_us: all six pulses after the frame.
+        previous_us: all six before it; None where not known.
+        duration_ms: duration asked of the board.
+        homing: the policy's stroke limit does not hold yet; everything else does.
+        board_us: the six pulses that the board gives now, see `BoardTrack`; None for a strut that it was not sent since the port
+            was opened. None: where it was sent before.
+        hold: the frame is to stop the struts: it must lie between where the board is and where it was sent.
 
     Raises:
         LimitError, ShapeError: the frame must not be sent.

@@ -102,7 +102,7 @@ class Supervisor:
         self._reach_us = self._speed_us_s * self._frame_ms * 1e-3 + _HALF_US
         self._step_us = rules.limits.step_m * us_per_m + _HALF_US
 
-    def step(self, state: State, event: Event, now: Now) -> Result:
+    def step(self, state: State, event: Event, now: Now) -> Result:  # noqa: PLR0911 (one row an event)
         """The next state and what to do. A refused event leaves the state as it was, with one `Refuse`."""
         try:
             match event:

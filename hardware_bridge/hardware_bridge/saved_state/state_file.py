@@ -67,7 +67,7 @@ def write(path: Path, data: dict[str, object], durable: bool = False) -> None:
         if durable:
             file.flush()
             os.fsync(descriptor)
-    os.replace(temporary, path)
+    temporary.replace(path)
 
 
 def _refuse(constant: str) -> object:

@@ -20,28 +20,28 @@ import numba
 
 if TYPE_CHECKING:  # numba has no types: say what its decorator keeps of a function
     P = ParamSpec("P")
-    Result = TypeVar("Result", covariant=True)
+    Result_co = TypeVar("Result_co", covariant=True)
 
-    class Compiled(Protocol[P, Result]):
+    class Compiled(Protocol[P, Result_co]):
         """A compiled function, and the Python function that it was made from."""
 
         @property
-        def py_func(self) -> Callable[P, Result]:
+        def py_func(self) -> Callable[P, Result_co]:
             """The function, not compiled."""
 
-        def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Result:
+        def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Result_co:
             """Call the compiled function."""
 
     class Compiler(Protocol):
         """A decorator that compiles."""
 
-        def __call__(self, function: Callable[P, Result]) -> Compiled[P, Result]:
+        def __call__(self, function: Callable[P, Result_co]) -> Compiled[P, Result_co]:
             """Compile a function at its first call."""
 
     def njit(*, cache: bool = False, nogil: bool = False, error_model: str = "python") -> Compiler:
         """`numba.njit`, with the options used here."""
 else:
-    from numba import njit as njit
+    from numba import njit  # noqa: F401 (whoever compiles takes it from here)
 
 
 def sources_hash(*patterns: str) -> str:

@@ -138,6 +138,6 @@ def _chunk(prototype: Prototype, study: Study, rows: NDArray[np.int64], laws: Se
     for p, g, k in rows.tolist():
         source, target = study.gaits[p][g]
         policy = gait_of(study.primitives[p], source, target).policy
-        for draw in (*(Draw(law, study.plan.seed, study.plan.numbers[k]) for law in laws), None):
-            jobs.append(Job(places.setdefault(draw, len(places)), source, policy, target))
+        draws = (*(Draw(law, study.plan.seed, study.plan.numbers[k]) for law in laws), None)
+        jobs.extend(Job(places.setdefault(draw, len(places)), source, policy, target) for draw in draws)
     return Chunk(prototype, tuple(places), tuple(jobs), kind)

@@ -177,7 +177,7 @@ class GuardedSocket(tornado.websocket.WebSocketHandler, Guarded):
 
     unsent = 0
 
-    def check_origin(self, origin: str) -> bool:
+    def check_origin(self, _origin: str) -> bool:
         """See WebSocketHandler: the gate has judged it."""
         return True
 

@@ -132,7 +132,7 @@ class Walk:
         check_straight(name, short, long, middle)
         self._say(f"Trim: bring it to exactly {mid_mm:g} mm. {_JOG}.")
         zero_us = self._jog(name, channel, longer)
-        return fit(name, channel, short, long, zero_us, mid_mm)
+        return fit(name, channel, short, long, zero_us)
 
     def _channel(self, name: str) -> int:
         taken = {strut.channel: other for other, strut in self._unfinished.struts.items()}

@@ -55,7 +55,7 @@ def figures_of(prototype: Prototype, study: Study) -> Figures:
     return Figures(len(study.primitives), study.cost, len(chunk.jobs), *sizes, _overhead_s(chunk))
 
 
-def no_work(chunk: Chunk, sources: str) -> Trials:
+def no_work(chunk: Chunk, _sources: str) -> Trials:
     """Trials as large as a chunk's, of nothing done."""
     n = len(chunk.jobs)
     a, b, c, d, e = np.zeros((5, n), dtype=np.float32)
