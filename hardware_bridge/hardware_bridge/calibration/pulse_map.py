@@ -222,11 +222,16 @@ def parse_strut(source: str, name: str, data: object) -> StrutCalibration:
 
 def _number(source: str, strut: str | None, field: str, value: object, valid: tuple[float, float]) -> float:
     whole = field in _INTEGERS
+    if (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and math.isfinite(value)
+        and (not whole or value == int(value))
+        and valid[0] <= value <= valid[1]
+    ):
+        return value
     kind = "a whole number" if whole else "a number"
-    good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if not good or (whole and value != int(value)) or not valid[0] <= value <= valid[1]:  # type: ignore[call-overload,operator]
-        raise CalibrationError(source, f"{field} is {brief(value)}, valid is {kind} from {valid[0]} to {valid[1]}", strut)
-    return value  # type: ignore[return-value]
+    raise CalibrationError(source, f"{field} is {brief(value)}, valid is {kind} from {valid[0]} to {valid[1]}", strut)
 
 
 def _pair(source: str, strut: str, field: str, value: object, valid: tuple[float, float]) -> tuple[float, float]:

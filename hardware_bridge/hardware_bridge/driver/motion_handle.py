@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The caller's hand on a motion that the bridge has accepted."""
+"""Handle of a motion that the bridge has accepted."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 """Telling a virtual prototype to fail, through the Unix socket beside its link. For tests; a real robot has no such thing.
 
 One connection, one request: a line of JSON in, a line of JSON back. What exists is in `FAULTS`; `clear` ends all
-that last. To `{"who": NONCE}` it says who it is, see `virtual_port`.
+that last. To `{"who": NONCE}` it says who it is, see `handshake`.
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 """How a bridge knows that a port is the virtual prototype: not by its name, and not by what a file says, but by proof.
 
 Beside the link `L` the prototype keeps `L.lock` (locked while it lives), `L.observer` and `L.faults` (Unix sockets, see
-the prototype's observer and `fault_injection`). Who asks at the latter gets this handshake. It counts if folder, link and
+the prototype's observer and `fault_client`). Who asks at the latter gets this handshake. It counts if folder, link and
 sockets are this user's alone, if the process that answers is this user's, and if the pty behind the link is that process's own.
 """
 

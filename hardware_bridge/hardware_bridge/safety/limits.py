@@ -10,13 +10,14 @@ from typing import ClassVar
 from hardware_bridge.errors import ParameterError
 
 
+@dataclass(frozen=True)
 class _Ranged:
     """Refuses values outside `RANGES` (low, high) when constructed."""
 
     RANGES: ClassVar[dict[str, tuple[float, float]]]
 
     def __post_init__(self) -> None:
-        for field in fields(self):  # type: ignore[arg-type]
+        for field in fields(self):
             value, (low, high) = getattr(self, field.name), self.RANGES[field.name]
             number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
             if not number or not low <= value <= high:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a virtual prototype says who it is, and is told to fail (see `virtual_port` and `fault_injection`)."""
+"""Where a virtual prototype says who it is, and is told to fail (see `prototype_client`)."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Faults:
     """What is wrong with the robot now. All times are robot time in [s]; nothing here waits.
 
     Args:
-        identity: what is said to who asks: instance, device, time scale and board of a `virtual_port.Handshake`.
+        identity: what is said to who asks: instance, device, time scale and board of a `handshake.Handshake`.
 
     Attributes:
         to_board, from_board: the two ways of the line.

@@ -46,7 +46,7 @@ class VirtualPrototype:
     that are taken late do: the computer had no time for this process; observations tell (`late_s`).
 
     Args:
-        link: where the pty is linked; see `virtual_port` for the files beside it.
+        link: where the pty is linked; see `prototype_client.handshake` for the files beside it.
         body: what the outputs drive.
         calibration: the prototype's own, true one.
         board: what takes the bytes; an LSC board by default.

@@ -3,7 +3,7 @@
 
 One robot is three flat columns of rows, cut up by `Layout`: `state` (changes), `par` (its own masses, ropes, strut speeds,
 ground and gravity) and the `body` of its `Assembly` (where things are tied, section stiffnesses, inertias). A row is one robot's
-number or eight robots' (see `lanes`); eight robots of the same body share one column of it. A step is
+number or eight robots' (see `simd`); eight robots of the same body share one column of it. A step is
 
 1. struts drive their rest lengths towards their targets at constant speed,
 2. forces: beams, cables, contacts, gravity,
@@ -12,9 +12,9 @@ number or eight robots' (see `lanes`); eight robots of the same body share one c
 Formulas (symbols as in docs/model.md):
 
 * beam: elastic potential U = EA/2l0 (l − l0)² + EI/l0 · 2(θ1·θ1 + θ1·θ2 + θ2·θ2) + GJ/2l0 φ² with θi = e × aᵢ, the small
-  rotation from the chord e
-  to the end's axis aᵢ, and φ the twist; forces and moments are its exact derivatives, so a free body keeps energy, momentum and
-  angular momentum. To first order they are mᵢ = (EI/l0)(4θᵢ + 2θⱼ) ± (GJ/l0) φ e and f₂ = N e + e × (m₁ + m₂)/l.
+  rotation from the chord e to the end's axis aᵢ, and φ the twist; forces and moments are its exact derivatives, so a free body
+  keeps energy, momentum and angular momentum. To first order they are mᵢ = (EI/l0)(4θᵢ + 2θⱼ) ± (GJ/l0) φ e and
+  f₂ = N e + e × (m₁ + m₂)/l.
 * cable: max(0, k (l − l0)) between slave points of two rigid bodies.
 * contact: N = max(0, k_n δ − c_n v_n); a tangential spring-damper sticks while |F_t| ≤ μ_s N, then slides with μ_k N until the
   spring-damper's own force falls below that.

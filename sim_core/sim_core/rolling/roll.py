@@ -155,7 +155,7 @@ def samples_of(model: Model, seconds: float) -> int:
 
 
 def face_number(face: str) -> int:
-    """Number of a face in `footing.FACE_NAMES`."""
+    """Number of a face in `support.FACE_NAMES`."""
     return FACE_NAMES.index(face)
 
 

@@ -13,7 +13,7 @@ class Candidate(NamedTuple):
     """A policy for the reference pair, with what its trials gave.
 
     Attributes:
-        merit: the more the better; below 1 it did not roll, from 2 on it is feasible (see `merit`).
+        merit: the more the better; below 1 it did not roll, from 2 on it is feasible (see `fitness`).
         margins: figures of its roll on the nominal robot, and of its trials, by name.
     """
 

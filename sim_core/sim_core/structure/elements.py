@@ -223,10 +223,8 @@ def previous_elements_of(prototype: Prototype) -> Elements:
     """The paper's previous model of a prototype: axial bars, joints without size, the box a point on its ropes.
 
     Ropes and ground meet the struts' axes at the nodes (the five contact points of a joint coincide there and share its
-    stiffness), and
-    nothing resists rotation. Natural lengths follow from the same stretch of these ropes. Fictitious masses are the real
-    ones times one
-    factor, chosen so that relaxation is quick at the prototype's time step; weights are the real ones.
+    stiffness), and nothing resists rotation. Natural lengths follow from the same stretch of these ropes. Fictitious masses are the
+    real ones times one factor, chosen so that relaxation is quick at the prototype's time step; weights are the real ones.
     """
     sizeless = replace(
         prototype,

@@ -134,7 +134,7 @@ def _chunks(prototype: Prototype, study: Study, chosen: NDArray[np.int64], kind:
 
 def _chunk(prototype: Prototype, study: Study, rows: NDArray[np.int64], laws: Sequence[Law], kind: str) -> Chunk:
     places: dict[Draw | None, int] = {}
-    jobs = []
+    jobs: list[Job] = []
     for p, g, k in rows.tolist():
         source, target = study.gaits[p][g]
         policy = gait_of(study.primitives[p], source, target).policy

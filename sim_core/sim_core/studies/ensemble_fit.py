@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fitting robots to outcomes: an ensemble of members, weighted by the trials that they foretell.
+"""Fitting robots to outcomes: an ensemble of members, weighted by the trials that they predict.
 
 Every tried gait is rolled on every member by the batch solver. A trial is won if the robot stood on the target after actuation and
 after the return, which is what an operator sees; the model's limits of force and clearance play no part in that.
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -65,6 +66,10 @@ def stood_on_target(result: RollResult) -> bool:
     return result.returned is not None and result.actuated.face == result.returned.face == result.target
 
 
+def _report_on(report: Report, before: int, total: int, done: int, _: int) -> None:
+    report(before + done, total)
+
+
 def wins_of(
     nominal: Model, members: Sequence[Member], rolls: Sequence[tuple[Roll, bool]], report: Report = silent
 ) -> NDArray[np.bool_]:
@@ -94,7 +99,7 @@ def wins_of(
                 roll = rolls[number][0]
                 models.append(_built(nominal, member.turned(float(angle))))
                 jobs.append(Job(len(models) - 1, roll.source, roll.policy, roll.target))
-        results = Batch(models).run(jobs, lambda done, _, before=at * each: report(before + done, len(members) * each))  # type: ignore[misc]
+        results = Batch(models).run(jobs, partial(_report_on, report, at * each, len(members) * each))
         won = np.array([stood_on_target(result) for result in results]).reshape(len(own), each)
         column = {roll: number for number, roll in enumerate(fixed)}
         for number, (roll, placed) in enumerate(rolls):
@@ -117,7 +122,7 @@ class Fit:
         members, weights: (members,), of all rounds.
         wins: (members, trials) what each does in the trials seen.
         effective_sizes: after each round.
-        lapses: by which the weights were made after each round (`posterior.softened`).
+        lapses: by which the weights were made after each round (`importance_weights.softened`).
         prior, seed, lapse: as asked for.
     """
 
@@ -137,7 +142,7 @@ class Fit:
 
     @property
     def parameters(self) -> Array:
-        """(members, DIMENSIONS), in the order of `members.LABELS`."""
+        """(members, DIMENSIONS), in the order of `robot_prior.LABELS`."""
         return np.array([member.parameters for member in self.members])
 
 

@@ -144,7 +144,8 @@ def require_held_out(library: Library, seed: int) -> None:
 
 def gaits_of(primitive: Primitive, one_gait: bool) -> tuple[tuple[str, str], ...]:
     """The rolls on which a primitive is tried."""
-    return (tuple(primitive.roll_class),) if one_gait else rolls_of(primitive.roll_class)  # type: ignore[return-value]
+    reference = primitive.roll_class
+    return ((reference.source, reference.target),) if one_gait else rolls_of(reference)
 
 
 def odds_of(library: Library, study: Study) -> Odds:

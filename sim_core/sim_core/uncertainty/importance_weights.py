@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What outcomes of trials say of a robot: weights of an ensemble's members, by Bayes' rule. Pure functions of arrays.
 
-A member is a point in normal scores, z ~ N(0, I) under the prior; `members` makes a robot of it. A member's likelihood counts the
-trials that it foretells: approximate Bayesian computation with a lapse rate as the kernel, so that one odd trial kills no member.
+A member is a point in normal scores, z ~ N(0, I) under the prior; `robot_prior` makes a robot of it. A member's likelihood counts
+the trials that it predicts: approximate Bayesian computation with a lapse rate as the kernel, so that one odd trial rules out no
+member.
 
     p(y | member) = ε + (1 − 2 ε) [win = y],    w ∝ Π_t p(y_t | member) / Σ_r (n_r / n) q_r(z) / φ(z)
 
-As in all such computation, the tolerance adapts (Del Moral et al. 2012): with few members hardly one foretells all trials, and
+As in all such computation, the tolerance adapts (Del Moral et al. 2012): with few members hardly one predicts all trials, and
 weights by the true lapse rate would rest on one or two. Then ε is the smallest that leaves enough members with a say.
 
 Rounds after the first draw from mixtures of normals around the heavy members (population Monte Carlo: Cappé et al. 2004); all

@@ -12,7 +12,7 @@ from hardware_bridge.virtual_prototype.boards.ssc32 import EmulatedSsc32
 
 
 def emulate(spec: str, baud: int | None = None, settings: ControlCenter | None = None) -> EmulatedBoard:
-    """The board that `spec` names (see `codecs.registry`), at a rate; None: its usual one.
+    """The board that `spec` names (see `hardware_bridge.boards.registry`), at a rate; None: its usual one.
 
     Args:
         spec: kind of the board.

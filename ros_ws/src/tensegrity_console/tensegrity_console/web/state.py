@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a console knows: plain data, made by `ros_side`, shown by `scene` and by the page."""
+"""What a console knows: plain data, made by `ros_client`, shown by `scene` and by the page."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Facts:
         lengths_m: commanded rest lengths, NaN unknown.
         seen_m: joints as observed (12, 3).
         predicted, observed: faces;
-        source: whose word the observed one is.
+        source: who observed it.
         state, reason, holder, link_ok, virtual, time_scale, duty_left_s, battery_v, bag, bag_messages: of the bridge.
         diagnostics: (name, level 0..3, words) of each part.
         rehearsal: odds of the neighbours, as `rehearsal_of` makes it.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The console's page and sockets, on one port (tornado); who may use them is `guarded`'s to judge.
+"""The console's page and sockets, on one port (tornado); who may use them is decided in `access`.
 
 Under the token: the page; `link`, a socket that tells facts and takes orders; `scene`, the 3D view's own page, and its socket,
 between which and viser stands `view_messages`. viser has no port.

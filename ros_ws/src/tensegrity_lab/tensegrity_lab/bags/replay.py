@@ -29,7 +29,7 @@ class ReplayError(BridgeError):
 
 @dataclass(frozen=True)
 class FaceCheck:
-    """Where twin and robot stood when the robot had settled: robot time (s), faces, whose word the face is."""
+    """Where twin and robot stood when the robot had settled: robot time (s), both faces, and who observed."""
 
     time_s: float
     predicted: str | None

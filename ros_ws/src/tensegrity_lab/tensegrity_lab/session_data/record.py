@@ -154,7 +154,7 @@ def line_of_cells(cells: dict[str, str]) -> Line:
             raise SessionError(
                 f"column {field.name} of a trial is {brief(cells.get(field.name))}: {one_line(str(error))}"
             ) from error
-    return Line(**values)  # type: ignore[arg-type]
+    return Line(**values)  # type: ignore[arg-type]  # each column was parsed by its type
 
 
 def _boolean(text: str) -> bool:

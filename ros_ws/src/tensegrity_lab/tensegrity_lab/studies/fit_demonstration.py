@@ -38,7 +38,7 @@ PREDICTING = 64
 
 @dataclass(frozen=True)
 class Setting:
-    """What is demonstrated: hidden robots, trials of each, primitives of each class; how to fit (`fitting.fit`); a seed.
+    """What is demonstrated: hidden robots, trials of each, primitives of each class; how to fit (`ensemble_fit.fit`); a seed.
 
     Attributes:
         searched: for so many of the robots, those that the shipped library `robust` does worst on, a library is searched on the

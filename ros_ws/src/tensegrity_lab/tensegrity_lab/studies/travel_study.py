@@ -128,11 +128,11 @@ def study(
             head = f"{count} of {len(cases)}, goal {case.number}, {', '.join(words_of(case.group))}: "
             seed = robot.seed + case.number - 1
             own = replace(robot, seed=seed, incline_deg=case.incline_deg, library=case.library, bags=folder)
-            trip = _trip(own, case, lambda text, head=head: tell(head + text))  # type: ignore[misc]
+            trip = _trip(own, case, lambda text, head=head: tell(head + text))  # type: ignore[misc]  # of the default
             while trip.late_s > LATE_S and own.time_scale > 1.0:
                 robot, own = (replace(one, time_scale=max(1.0, one.time_scale / 2.0)) for one in (robot, own))
                 done(f"{head}orders {trip.late_s:.1f} s of robot time late: again, at {own.time_scale:g} times real time")
-                trip = _trip(own, case, lambda text, head=head: tell(head + text))  # type: ignore[misc]
+                trip = _trip(own, case, lambda text, head=head: tell(head + text))  # type: ignore[misc]  # of the default
             with (folder / TRIPS).open("a", encoding="utf-8") as file:
                 file.write(json.dumps({"number": case.number, **asdict(trip)}) + "\n")
             end = "arrived" if trip.success else trip.reason
