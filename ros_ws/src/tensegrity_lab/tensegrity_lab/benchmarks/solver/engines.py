@@ -85,11 +85,13 @@ class SixStrut:
         self._snapshots: dict[Moment, tuple[Array, Array]] = {}
 
     def rolls(self, tasks: Sequence[Task], threads: int) -> list[RollResult]:
+        """See `Engine`."""
         if threads not in self._batches:
             self._batches[threads] = Batch([self.model], threads)
         return self._batches[threads].run([Job(0, task.source, task.policy) for task in tasks])
 
     def crowd(self, moments: Sequence[Moment], count: int, span_s: float, threads: int) -> Crowd:
+        """See `Engine`."""
         rows = [self._snapshot(moments[i % len(moments)]) for i in range(min(count, len(moments)))]
         steps = round(span_s / self.step_s)
         return _OneOfOurs(self, rows[0], steps) if count == 1 else _ManyOfOurs(self, rows, count, steps, threads)

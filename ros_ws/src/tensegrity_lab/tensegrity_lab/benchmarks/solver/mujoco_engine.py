@@ -47,6 +47,7 @@ class MuJoCo:
         return _JudgedRolls(self, tasks, threads).run()
 
     def crowd(self, moments: Sequence[Moment], count: int, span_s: float, threads: int) -> Crowd:
+        """See `Engine`."""
         chosen = [moments[i % len(moments)] for i in range(count)]
         states = np.array([self._snapshot(moment) for moment in chosen])
         controls = np.array([self.controls(moment, span_s) for moment in chosen])
@@ -71,16 +72,19 @@ class MuJoCo:
         return self._rests[source]
 
     def state_of(self, data: Any) -> Array:
+        """MuJoCo's state vector."""
         state = np.empty(self._mujoco.mj_stateSize(self.plain, self._kind))
         self._mujoco.mj_getState(self.plain, data, state, self._kind)
         return state
 
     def data_of(self, state: Array) -> Any:
+        """New `MjData` in a state."""
         data = self._mujoco.MjData(self.plain)
         self._mujoco.mj_setState(self.plain, data, state, self._kind)
         return data
 
     def step(self, data: Any, steps: int) -> None:
+        """Step one robot in place."""
         self._mujoco.mj_step(self.plain, data, steps)
 
     def rollout(self, threads: int) -> Any:
@@ -88,9 +92,11 @@ class MuJoCo:
         return self._rollout.Rollout(nthread=threads)
 
     def datas(self, model: Any, threads: int) -> list[Any]:
+        """New `MjData`, one a thread."""
         return [self._mujoco.MjData(model) for _ in range(threads)]
 
     def steps_in(self, seconds: float) -> int:
+        """Whole steps in so many seconds, at least one."""
         return max(1, round(seconds / self.step_s))
 
     def strokes(self, policy: Policy) -> Array:

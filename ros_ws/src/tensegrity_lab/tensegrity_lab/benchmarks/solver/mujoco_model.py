@@ -38,6 +38,9 @@ def mjcf(e: Elements, step_s: float, integrator: str = "implicitfast", sensors: 
     """The model's XML.
 
     Args:
+        e: the robot's elements.
+        step_s: MuJoCo's time step, in [s].
+        integrator: MuJoCo's name of it.
         sensors: with joints, their velocities, the box and the joints' ground forces as sensors, for judging; see `read_sensors`.
     """
     if e.kind != IMPROVED or len(e.beam_ends) != len(STRUTS):
