@@ -38,6 +38,7 @@ EXIT_INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str]) -> int:
+    """Run a command line; the exit status."""
     layout = Layout(ROOT)
     try:
         return _dispatch(layout, arguments)
@@ -71,7 +72,7 @@ def _dispatch(layout: Layout, arguments: Sequence[str]) -> int:
     if name == "setup":
         print(f"ready: {layout.venv} and {layout.install}")
         return 0
-    _become(layout, arguments)
+    return _become(layout, arguments)
 
 
 def _ready(layout: Layout, groups: Sequence[str] = ()) -> bool:
@@ -106,7 +107,7 @@ def set_up(layout: Layout, groups: Sequence[str] = ()) -> None:
         layout.chosen_python.write_text(f"{sys.executable}\n", encoding="utf-8")
 
 
-def _exit_on_signal(number: int, frame: FrameType | None) -> None:
+def _exit_on_signal(number: int, _frame: FrameType | None) -> None:
     """So that the running step is ended too, instead of left behind."""
     sys.exit(128 + number)
 

@@ -39,11 +39,12 @@ def repair(venv: Path, python_include: str, numpy_include: str) -> int:
 def _replace(path: Path, text: str) -> None:
     """Atomically, through a new file: an installer may have hard-linked the old one from its cache."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name)
+    new = Path(name)
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)
-        os.chmod(name, path.stat().st_mode & 0o7777)
-        os.replace(name, path)
+        new.chmod(path.stat().st_mode & 0o7777)
+        new.replace(path)
     except BaseException:
-        os.unlink(name)
+        new.unlink()
         raise

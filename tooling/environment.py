@@ -70,6 +70,7 @@ def for_command(environ: Mapping[str, str], layout: Layout, workspace: Paths) ->
 
 
 def applied(environ: Mapping[str, str], changes: Changes) -> dict[str, str]:
+    """The environment after the changes."""
     merged = {**environ, **changes}
     return {name: value for name, value in merged.items() if value is not None}
 

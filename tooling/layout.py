@@ -23,22 +23,27 @@ class Layout:
 
     @property
     def venv(self) -> Path:
+        """The virtual environment."""
         return self.root / ".venv"
 
     @property
     def venv_python(self) -> Path:
+        """Its interpreter."""
         return self.venv / "bin" / "python"
 
     @property
     def workspace(self) -> Path:
+        """The ROS workspace."""
         return self.root / "ros_ws"
 
     @property
     def sources(self) -> Path:
+        """The workspace's sources."""
         return self.workspace / "src"
 
     @property
     def install(self) -> Path:
+        """Where the workspace is installed."""
         return self.workspace / "install"
 
     @property
@@ -48,6 +53,7 @@ class Layout:
 
     @property
     def log(self) -> Path:
+        """What set-up's commands printed."""
         return self.state / "setup.log"
 
     @property

@@ -18,6 +18,7 @@ _PLATFORM_REMEDY = "use an x86-64 Linux machine (a virtual machine or container 
 
 
 def platform_problems() -> list[str]:
+    """Why this platform does not do; empty: it does."""
     system, machine = platform.system(), platform.machine()
     if system != "Linux" or machine not in ("x86_64", "amd64"):
         return [f"the ROS 2 wheels exist for Linux on x86-64 only, this is {system} on {machine}: {_PLATFORM_REMEDY}"]
@@ -50,6 +51,7 @@ def compiler_problems(environ: Mapping[str, str]) -> list[str]:
 
 
 def disk_problems(root: Path) -> list[str]:
+    """Why the disk does not do; empty: it does."""
     free = shutil.disk_usage(root).free
     if free >= DISK_NEEDED_BYTES:
         return []

@@ -113,11 +113,13 @@ def _make(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
 
 
 def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, environ: Mapping[str, str]) -> None:
-    """Two runs: first setuptools, which builds the one package that has no wheel. So pip fetches no build tools of its
-    own choice, and nothing is ever run that was not checked against the lock.
+    """Two runs: first setuptools, which builds the one package that has no wheel.
+
+    So pip fetches no build tools of its own choice, and nothing is ever run that was not checked against the lock.
 
     The lock is complete, so pip is told to resolve nothing: older pips stumble over a dependency with extras as soon as
-    a release newer than the locked one appears."""
+    a release newer than the locked one appears.
+    """
     command = [str(layout.venv_python), "-m", "pip", "install", "--require-hashes", "--no-deps", "--no-build-isolation"]
     command += ["--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}"]
     command += ["--no-input", "--disable-pip-version-check", "--progress-bar=off", "--no-compile"]  # what is never imported

@@ -27,6 +27,7 @@ class Progress:
 
     @contextmanager
     def step(self, title: str) -> Iterator[None]:
+        """One numbered step, while it is under way."""
         self._step += 1
         self._started = time.monotonic()
         self._shown = self._started

@@ -26,6 +26,8 @@ _FIXED = {
 
 @dataclass(frozen=True)
 class Requirement:
+    """One package of the lock."""
+
     name: str
     version: str
     marker: str  # empty: holds everywhere
@@ -33,6 +35,7 @@ class Requirement:
     text: str  # the lines of the lock, verbatim
 
     def holds_for(self, python: tuple[int, int]) -> bool:
+        """Whether the package is wanted by this version of Python."""
         return all(_clause_holds(clause.strip(), python) for clause in self.marker.split(" and ") if clause.strip())
 
 
@@ -47,7 +50,7 @@ def _clause_holds(clause: str, python: tuple[int, int]) -> bool:
 
 
 def read_lock(path: Path) -> list[Requirement]:
-    """The lock's requirements in order. Each is a line `name==version ; marker \\` followed by its hashes."""
+    r"""The lock's requirements in order. Each is a line `name==version ; marker \` followed by its hashes."""
     joined = re.sub(r"\\\n\s*", " ", path.read_text(encoding="utf-8"))
     requirements = []
     for line in joined.splitlines():

@@ -41,6 +41,7 @@ def workspace_stamp(layout: Layout) -> str:
 
 
 def package_folders(layout: Layout) -> list[Path]:
+    """Folders of the workspace's packages."""
     return sorted(path.parent for path in layout.sources.glob("*/package.xml"))
 
 

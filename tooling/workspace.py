@@ -29,10 +29,12 @@ def _record(layout: Layout) -> dict[str, Any]:
 
 
 def made_by_us(layout: Layout) -> bool:
+    """Whether set-up made what is installed."""
     return (layout.install / _RECORD).exists()
 
 
 def ready(layout: Layout) -> bool:
+    """Whether the workspace is built from these sources."""
     return _record(layout).get("stamp") == stamps.workspace_stamp(layout)
 
 
@@ -42,6 +44,7 @@ def paths(layout: Layout) -> environment.Paths:
 
 
 def build(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
+    """Build the workspace with colcon."""
     packages = [folder.name for folder in stamps.package_folders(layout)]
     with runner.progress.step(f"building ros_ws ({len(packages)} packages)"):
         base = {"packages": packages, "base": stamps.packages_stamp(layout, "base")}
@@ -60,6 +63,7 @@ def build(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
 
 
 def remove(layout: Layout) -> None:
+    """Remove what was built."""
     for name in ("build", "log", "install"):  # install last: it holds the record that says they are ours
         shutil.rmtree(layout.workspace / name, ignore_errors=True)
 

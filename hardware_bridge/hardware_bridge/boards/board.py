@@ -19,18 +19,18 @@ class Quirks:
     """What a caller must know about a board beside its bytes.
 
     Attributes:
-        pulse_us: Shortest and longest pulse that it accepts, in [us].
-        channels: First and last channel.
-        duration_ms: Shortest and longest duration of a move, in [ms].
-        longest_frame_bytes: Of a move of six servos.
+        pulse_us: shortest and longest pulse that it accepts, in [us].
+        channels: first and last channel.
+        duration_ms: shortest and longest duration of a move, in [ms].
+        longest_frame_bytes: of a move of six servos.
         usual_baud: A rate that the board offers and at which its frames fit the usual period.
-        cancel: Bytes that end a half-received frame without moving anything; empty: there are none.
-        resync_queries: Liveness queries that at most are needed until a cut frame is over. Read as the rest of a move,
-            they give nothing that the board accepts.
+        cancel: bytes that end a half-received frame without moving anything; empty: there are none.
+        resync_queries: liveness queries that at most are needed until a cut frame is over. Read as the rest of a move, they give
+            nothing that the board accepts.
         error_moves: A cut frame or other error may move the channels (to their "home"): where they are is then unknown.
-        tells_pulses: The answer to a liveness query holds the commanded pulses, so a reset is noticed.
-        has_timeout: The board has a serial time-out of its own; see its codec for what must be set.
-        always_answers: Every board of the family answers a liveness query: one that does not is not there, or set wrongly.
+        tells_pulses: the answer to a liveness query holds the commanded pulses, so a reset is noticed.
+        has_timeout: the board has a serial time-out of its own; see its codec for what must be set.
+        always_answers: every board of the family answers a liveness query: one that does not is not there, or set wrongly.
     """
 
     pulse_us: tuple[int, int]
@@ -58,10 +58,10 @@ class Health:
     """A board's answer to a liveness query.
 
     Attributes:
-        battery_mv: Supply voltage in [mV]; None: the board does not say.
-        errors: Names of the errors that it has latched since the last query.
-        pulses_us: Commanded pulse in [us] of each channel asked; None where it gives none (never moved, released, or
-            forgotten by a reset). Empty: the board does not say.
+        battery_mv: supply voltage in [mV]; None: the board does not say.
+        errors: names of the errors that it has latched since the last query.
+        pulses_us: commanded pulse in [us] of each channel asked; None where it gives none (never moved, released, or forgotten by a
+            reset). Empty: the board does not say.
     """
 
     battery_mv: int | None = None
@@ -91,7 +91,10 @@ class Board(Protocol):
         """One frame that moves `channels[i]` to `pulses_us[i]`, all arriving together after `duration_ms`.
 
         Args:
-            from_us: Where each output is believed to be, in [us]; needed by a board that knows speeds only.
+            pulses_us: target of each output, in [us].
+            channels: the board's outputs, in the same order.
+            duration_ms: how long the whole move takes, in [ms].
+            from_us: where each output is believed to be, in [us]; needed by a board that knows speeds only.
 
         Raises:
             CodecError: A value that the board does not accept.
@@ -106,7 +109,7 @@ class Board(Protocol):
         believed to be, it would not be made good in a jump.
 
         Raises:
-            CodecError: As `encode_move`.
+            CodecError: as `encode_move`.
         """
         ...
 

@@ -65,7 +65,7 @@ def encode_move(pulses_us: Sequence[int], channels: Sequence[int], duration_ms: 
     """A move of one to six servos, which arrive together after `duration_ms`.
 
     Raises:
-        CodecError: Wrong counts, a channel twice, or a value that the board does not accept.
+        CodecError: wrong counts, a channel twice, or a value that the board does not accept.
     """
     check_pulses(pulses_us, channels, QUIRKS)
     check_range("duration_ms", duration_ms, QUIRKS.duration_ms)

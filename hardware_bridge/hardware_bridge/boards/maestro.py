@@ -105,9 +105,9 @@ class Maestro:
     """The Maestro family as a `Board`.
 
     Attributes:
-        device: Device number of the Pololu protocol; None: the compact protocol.
-        crc: Whether a CRC-7 is appended to every packet.
-        limits_us: The channels' limits as set in the Control Center, in [us]; the board clips silently what is beyond.
+        device: device number of the Pololu protocol; None: the compact protocol.
+        crc: whether a CRC-7 is appended to every packet.
+        limits_us: the channels' limits as set in the Control Center, in [us]; the board clips silently what is beyond.
     """
 
     device: int | None = None

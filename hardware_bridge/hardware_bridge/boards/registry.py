@@ -24,7 +24,7 @@ def parse_board(spec: str) -> Board:
     """The board that a text such as `lsc`, `ssc32`, `maestro` or `maestro:device=12:crc` names.
 
     Raises:
-        ParameterError: No such board or variant; names the valid ones.
+        ParameterError: no such board or variant; names the valid ones.
     """
     name, *options = spec.strip().lower().split(":")
     if name == "lsc" and not options:

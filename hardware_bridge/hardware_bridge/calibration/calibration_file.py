@@ -42,7 +42,7 @@ def write_calibration(
     """Replaces the file at once, on the disk before this returns; what was read back.
 
     Raises:
-        CalibrationError: It would not be valid, or cannot be written; the old file stays.
+        CalibrationError: it would not be valid, or cannot be written; the old file stays.
     """
     text = text_of(robot, mid_stroke_length_m, {name: struts[name] for name in STRUTS if name in struts})
     calibration = parse_calibration(text, str(path))
@@ -55,9 +55,9 @@ class Unfinished:
 
     Attributes:
         path: `<file>.part`.
-        robot: Name of the robot; None while not known.
+        robot: name of the robot; None while not known.
         mid_stroke_length_m: None while not known.
-        struts: Name to calibration, those that are done.
+        struts: name to calibration, those that are done.
     """
 
     def __init__(self, file: Path) -> None:
@@ -98,7 +98,7 @@ def _replace(path: Path, text: str) -> None:
             file.write(text)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(temporary, path)
+        temporary.replace(path)
     except OSError as error:
         with contextlib.suppress(OSError):
             temporary.unlink()

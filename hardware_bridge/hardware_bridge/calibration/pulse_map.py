@@ -38,13 +38,13 @@ class StrutCalibration:
     """One strut's actuator.
 
     Attributes:
-        channel: The board's channel.
-        pulse_at_zero_us: Pulse at zero stroke before the trim, in [us].
-        us_per_mm: Slope, always positive, in [us/mm].
+        channel: the board's channel.
+        pulse_at_zero_us: pulse at zero stroke before the trim, in [us].
+        us_per_mm: slope, always positive, in [us/mm].
         direction: +1 if a longer pulse lengthens the strut, else -1.
-        trim_us: Added to every pulse, in [us].
-        stroke_mm: Shortest and longest stroke that the actuator may take, in [mm]; zero lies inside.
-        pulse_us: Shortest and longest pulse that may be sent, in [us].
+        trim_us: added to every pulse, in [us].
+        stroke_mm: shortest and longest stroke that the actuator may take, in [mm]; zero lies inside.
+        pulse_us: shortest and longest pulse that may be sent, in [us].
     """
 
     channel: int
@@ -75,10 +75,10 @@ class Calibration:
     """Six struts, S1 first.
 
     Attributes:
-        mid_stroke_length_m: Rest length at zero stroke, in [m].
-        struts: Six `StrutCalibration`.
-        board: Name of the board that it was measured with; None: the file does not say.
-        robot: Name of the robot; None: the file does not say, and nothing is remembered of a real one.
+        mid_stroke_length_m: rest length at zero stroke, in [m].
+        struts: six `StrutCalibration`.
+        board: name of the board that it was measured with; None: the file does not say.
+        robot: name of the robot; None: the file does not say, and nothing is remembered of a real one.
     """
 
     mid_stroke_length_m: float
@@ -119,7 +119,7 @@ def load_calibration(path: str | Path | None = None) -> Calibration:
     """Reads and checks a calibration file; without a path, the virtual prototype's.
 
     Raises:
-        CalibrationError: One line with file, line or strut, and what is valid.
+        CalibrationError: one line with file, line or strut, and what is valid.
     """
     if path is None:
         name = "calibration_default.yaml"
@@ -138,7 +138,7 @@ def parse_calibration(text: str, source: str) -> Calibration:
     """The calibration in YAML text; `source` names it in errors.
 
     Raises:
-        CalibrationError: As `load_calibration`.
+        CalibrationError: as `load_calibration`.
     """
     try:
         data = parse_yaml(text, source)
@@ -222,11 +222,16 @@ def parse_strut(source: str, name: str, data: object) -> StrutCalibration:
 
 def _number(source: str, strut: str | None, field: str, value: object, valid: tuple[float, float]) -> float:
     whole = field in _INTEGERS
+    if (
+        isinstance(value, int | float)
+        and not isinstance(value, bool)
+        and math.isfinite(value)
+        and (not whole or value == int(value))
+        and valid[0] <= value <= valid[1]
+    ):
+        return value
     kind = "a whole number" if whole else "a number"
-    good = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    if not good or (whole and value != int(value)) or not valid[0] <= value <= valid[1]:  # type: ignore[call-overload,operator]
-        raise CalibrationError(source, f"{field} is {brief(value)}, valid is {kind} from {valid[0]} to {valid[1]}", strut)
-    return value  # type: ignore[return-value]
+    raise CalibrationError(source, f"{field} is {brief(value)}, valid is {kind} from {valid[0]} to {valid[1]}", strut)
 
 
 def _pair(source: str, strut: str, field: str, value: object, valid: tuple[float, float]) -> tuple[float, float]:

@@ -29,7 +29,7 @@ def slope_us_per_mm(strut: str, short: Measured, long: Measured) -> float:
     """Change of pulse per mm of length, negative if a longer pulse shortens the strut.
 
     Raises:
-        CalibrationError: The readings give no plausible slope.
+        CalibrationError: the readings give no plausible slope.
     """
     travel_mm = long.length_mm - short.length_mm
     if travel_mm < SHORTEST_TRAVEL_MM or short.pulse_us == long.pulse_us:
@@ -55,16 +55,18 @@ def check_straight(strut: str, short: Measured, long: Measured, middle: Measured
         raise CalibrationError("measured", f"{problem}; valid is within {RESIDUAL_LIMIT_MM:g} mm, measure again", strut)
 
 
-def fit(strut: str, channel: int, short: Measured, long: Measured, zero_pulse_us: int, mid_stroke_mm: float) -> StrutCalibration:
+def fit(strut: str, channel: int, short: Measured, long: Measured, zero_pulse_us: int) -> StrutCalibration:
     """One strut's calibration.
 
     Args:
-        short, long: The end points that a person chose.
-        zero_pulse_us: The pulse at which the strut was seen to be at mid stroke.
-        mid_stroke_mm: Its length there.
+        strut: its name.
+        channel: the board's output.
+        short: the end point that a person chose near the short end.
+        long: the same near the long end.
+        zero_pulse_us: the pulse at which the strut was seen to be at mid stroke.
 
     Raises:
-        CalibrationError: Not plausible, with what is valid.
+        CalibrationError: not plausible, with what is valid.
     """
     slope = slope_us_per_mm(strut, short, long)
     offset_us = zero_pulse_us - NOMINAL_PULSE_US

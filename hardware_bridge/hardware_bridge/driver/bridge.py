@@ -49,26 +49,26 @@ class Bridge:
     bars them at once, so at most the one frame that is already being written goes out after the call.
 
     Args:
-        port: Path, or `socket://HOST:PORT`.
-        rules: Calibration, limits, pacing and shape check (a function of six rest lengths in m that returns what is
-            wrong, or None). It may be slow: it is asked once a shape, in the caller's thread and outside the lock, before
-            a command is judged; the supervisor and the frame loop look its verdicts up.
-        board: What sits behind the port; LSC by default.
-        baud: Rate between radio and board; None: the board's usual one.
-        time_scale: Robot seconds per second; None takes the virtual prototype's, or 1 on a real port.
-        state_dir: Where last pulses and running time are kept; by default `$SIXSTRUT_STATE_DIR` or `~/.local/state/sixstrut`.
-        liveness_period_s: Wall time between liveness queries; None asks never.
-        liveness_limit_s: Longest wall time without a reply, once the board has ever replied, before the link is lost.
-        rested_s: The operator's word at the first opening: for so long the actuators have rested, in [s] of robot time. Where
+        port: path, or `socket://HOST:PORT`.
+        rules: calibration, limits, pacing and shape check (a function of six rest lengths in m that returns what is wrong, or
+            None). It may be slow: it is asked once a shape, in the caller's thread and outside the lock, before a command is
+            judged; the supervisor and the frame loop look its verdicts up.
+        board: what sits behind the port; LSC by default.
+        baud: rate between radio and board; None: the board's usual one.
+        time_scale: robot seconds per second; None takes the virtual prototype's, or 1 on a real port.
+        state_dir: where last pulses and running time are kept; by default `$SIXSTRUT_STATE_DIR` or `~/.local/state/sixstrut`.
+        liveness_period_s: wall time between liveness queries; None asks never.
+        liveness_limit_s: longest wall time without a reply, once the board has ever replied, before the link is lost.
+        rested_s: the operator's word at the first opening: for so long the actuators have rested, in [s] of robot time. Where
             nobody knows how long they ran lately, that counts as spent for a window of duty, less this.
-        silent_board: The operator's word that this board cannot answer. Without it, one that has not is not armed.
-        on_sent: Called with every `SentEvent`: each write that moves or holds, and one heartbeat each period
-            (50 ms of robot time by default) without one, while the link is up.
-        on_face: Called with every `FaceEvent`.
-        on_state: Called with a `Snapshot` on every change of mode, reason, holder, motion or link.
+        silent_board: the operator's word that this board cannot answer. Without it, one that has not is not armed.
+        on_sent: called with every `SentEvent`: each write that moves or holds, and one heartbeat each period (50 ms of robot time
+            by default) without one, while the link is up.
+        on_face: called with every `FaceEvent`.
+        on_state: called with a `Snapshot` on every change of mode, reason, holder, motion or link.
 
     Raises:
-        BoardMismatch, ParameterError: Board, calibration, baud and frame period do not go together.
+        BoardMismatch, ParameterError: board, calibration, baud and frame period do not go together.
     """
 
     def __init__(
@@ -122,9 +122,9 @@ class Bridge:
 
         Raises:
             TransportError: `PortMissing`, `PortBusy` or `PortWrongKind`, with the remedy.
-            BoardMismatch: The virtual prototype behind the port has another board.
-            TimeScaleError: The time scale does not fit the port.
-            StateError: It is open.
+            BoardMismatch: the virtual prototype behind the port has another board.
+            TimeScaleError: the time scale does not fit the port.
+            StateError: it is open.
         """
         with self._opening:
             if self._streamer is not None:
@@ -141,10 +141,10 @@ class Bridge:
         """Ends any motion and closes the port; closing twice is fine. The struts keep their power and hold.
 
         Args:
-            hold: Send the struts to where the board is, so that it stops at once; else it ends its last short frame.
+            hold: send the struts to where the board is, so that it stops at once; else it ends its last short frame.
 
         Raises:
-            StateFileError: The last pulses could not be kept; the port is closed all the same.
+            StateFileError: the last pulses could not be kept; the port is closed all the same.
         """
         with self._opening:
             streamer, self._streamer = self._streamer, None
@@ -207,20 +207,20 @@ class Bridge:
         """Takes the lease and begins homing, which ends in ARMED (see `snapshot` and `on_state`).
 
         Args:
-            holder: Who asks, for people.
-            lifted_and_clear: The operator's word: robot lifted, hands clear.
-            confirmed_lengths_m: None or empty: the record of the last write. Else six rest lengths in [m] as the
-                operator sees them (None or NaN for a strut: its record). Where both exist they must agree within 2 mm.
-            prototype: Instance of the virtual prototype that is meant: no other one and no real robot is then armed.
-                Empty: whatever is behind the port.
+            holder: who asks, for people.
+            lifted_and_clear: the operator's word: robot lifted, hands clear.
+            confirmed_lengths_m: None or empty: the record of the last write. Else six rest lengths in [m] as the operator sees them
+                (None or NaN for a strut: its record). Where both exist they must agree within 2 mm.
+            prototype: instance of the virtual prototype that is meant: no other one and no real robot is then armed. Empty:
+                whatever is behind the port.
 
         Returns:
-            The lease, to be given with every command and proven at 2 Hz or more (wall time).
+            the lease, to be given with every command and proven at 2 Hz or more (wall time).
 
         Raises:
-            Refused: `WrongPrototype`, `NotClear`, `BoardSilent`, `PositionUnknown`,
-                `LimitError`, `ShapeError`, `StateError`, `FaultLatched`.
-            StateFileError: The last pulses cannot be kept.
+            Refused: `WrongPrototype`, `NotClear`, `BoardSilent`, `PositionUnknown`, `LimitError`, `ShapeError`, `StateError`,
+                `FaultLatched`.
+            StateFileError: the last pulses cannot be kept.
         """
         self._require_prototype(prototype)
         token = secrets.token_hex(16)
@@ -259,13 +259,12 @@ class Bridge:
         """Starts a motion; knots are times in robot time from now and absolute rest lengths.
 
         Args:
-            trajectory: See `Trajectory`; `Trajectory.from_names` makes one from a message's fields.
-            lease: From `arm`.
-            stamp_age_s: Wall time since the command was made, in [s]. What judging takes here is added.
+            trajectory: see `Trajectory`; `Trajectory.from_names` makes one from a message's fields.
+            lease: from `arm`.
+            stamp_age_s: wall time since the command was made, in [s]. What judging takes here is added.
 
         Raises:
-            Refused: Nothing moves. `LimitError`, `ShapeError`, `LeaseError`, `StaleError`,
-                `StateError`, `FaultLatched`.
+            Refused: nothing moves. `LimitError`, `ShapeError`, `LeaseError`, `StaleError`, `StateError`, `FaultLatched`.
         """
         age = Age(stamp_age_s)
         self.judge_motion(trajectory, lease)
@@ -299,8 +298,8 @@ class Bridge:
         """Leaves FAULT for DISARMED. A lost link is opened again first; robot time and `seq` go on.
 
         Raises:
-            TransportError, TimeScaleError: The link cannot be opened, or the board does not answer any more; FAULT stays.
-            StateError: The bridge is closed.
+            TransportError, TimeScaleError: the link cannot be opened, or the board does not answer any more; FAULT stays.
+            StateError: the bridge is closed.
         """
         with self._opening:
             self._require_open("reset")
@@ -322,12 +321,12 @@ class Bridge:
         Args:
             face: `TC1`…`TC8`, `TO1`…`TO12`, or empty: on no face.
             source: `operator`, `prototype` or `external`.
-            settled: The robot had come to rest.
-            detail: For people.
+            settled: the robot had come to rest.
+            detail: for people.
 
         Raises:
-            ParameterError: No such face or source.
-            StateError: The bridge is closed.
+            ParameterError: no such face or source.
+            StateError: the bridge is closed.
         """
         if face and face not in FACES:
             raise ParameterError("face", repr(face), "TC1 to TC8, TO1 to TO12, or empty")

@@ -65,13 +65,13 @@ class Engine:
     """Supervisor, board and link under one lock; all but `tick`, `snapshot` and `barred` are called with it held.
 
     Attributes:
-        lock: The lock.
-        link: The port with its board.
-        clock: Robot time.
-        state: The supervisor's state.
-        virtual: Whether the port is the virtual prototype's.
-        session: Identity of this stream of events, new with every `begin`; empty before the first.
-        prototype: Its instance; empty on a real port.
+        lock: the lock.
+        link: the port with its board.
+        clock: robot time.
+        state: the supervisor's state.
+        virtual: whether the port is the virtual prototype's.
+        session: identity of this stream of events, new with every `begin`; empty before the first.
+        prototype: its instance; empty on a real port.
     """
 
     def __init__(self, port: str, rules: Rules, board: Board, link: Link, callbacks: Callbacks) -> None:
@@ -192,7 +192,7 @@ class Engine:
         """Draws the conclusions from what the board says of itself.
 
         Raises:
-            LinkLost: It has lost or moved struts that hold; the link is down, so nothing is sent to where they were.
+            LinkLost: it has lost or moved struts that hold; the link is down, so nothing is sent to where they were.
         """
         holds = self.state.mode not in (Mode.DISARMED, Mode.FAULT) or any(self.state.energised)
         verdict = judge(answer, holds, self._board.quirks.error_moves)

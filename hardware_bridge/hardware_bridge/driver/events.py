@@ -24,17 +24,17 @@ class SentEvent:
     """One write to the board, or a heartbeat: nothing written, the clock has moved on.
 
     Attributes:
-        seq: Place in the stream, from 1, shared with `FaceEvent`.
-        robot_time_ns: Robot time of the write, in [ns]; never less than that of an earlier `seq`.
-        heartbeat: Nothing was written; the lengths are those last sent.
-        lengths_m: Rest lengths of S1 to S6 as whole pulses, in [m]; mid stroke where `known` is false.
-        known: Whether each strut's length was ever sent or confirmed.
-        pulses_us: Pulses of S1 to S6, in [us]; 0 where not known.
-        duration_ms: Duration asked of the board; 0 for a heartbeat.
-        frame: The bytes on the wire; empty for a heartbeat.
+        seq: place in the stream, from 1, shared with `FaceEvent`.
+        robot_time_ns: robot time of the write, in [ns]; never less than that of an earlier `seq`.
+        heartbeat: nothing was written; the lengths are those last sent.
+        lengths_m: rest lengths of S1 to S6 as whole pulses, in [m]; mid stroke where `known` is false.
+        known: whether each strut's length was ever sent or confirmed.
+        pulses_us: pulses of S1 to S6, in [us]; 0 where not known.
+        duration_ms: duration asked of the board; 0 for a heartbeat.
+        frame: the bytes on the wire; empty for a heartbeat.
         kind: `energise`, `home`, `move`, `hold` or `heartbeat`.
-        session: The opening of the port that the event belongs to; nothing of another one is about this robot now.
-        wall_ns: The computer's clock at the event, in [ns] since 1970.
+        session: the opening of the port that the event belongs to; nothing of another one is about this robot now.
+        wall_ns: the computer's clock at the event, in [ns] since 1970.
     """
 
     seq: int
@@ -55,13 +55,13 @@ class FaceEvent:
     """Somebody saw which face the robot stands on.
 
     Attributes:
-        seq: Place in the stream, from 1, shared with `SentEvent`.
-        robot_time_ns: Robot time at which the bridge was told, in [ns].
+        seq: place in the stream, from 1, shared with `SentEvent`.
+        robot_time_ns: robot time at which the bridge was told, in [ns].
         face: `TC1`…`TC8`, `TO1`…`TO12`, or empty: on no face.
-        source: One of `SOURCES`.
-        settled: The robot had come to rest.
-        detail: For people.
-        session, wall_ns: As `SentEvent`.
+        source: one of `SOURCES`.
+        settled: the robot had come to rest.
+        detail: for people.
+        session, wall_ns: as `SentEvent`.
     """
 
     seq: int
@@ -79,38 +79,38 @@ class Snapshot:
     """The bridge at one instant.
 
     Attributes:
-        robot_time_ns: Robot time, in [ns].
-        last_seq: Number of the newest event of the stream; 0 before the first.
-        mode: The supervisor's state.
-        reason: Why, for people; may be empty.
-        lease_holder: Who armed; empty if nobody.
-        homed: Homing has ended well since the last arm.
+        robot_time_ns: robot time, in [ns].
+        last_seq: number of the newest event of the stream; 0 before the first.
+        mode: the supervisor's state.
+        reason: why, for people; may be empty.
+        lease_holder: who armed; empty if nobody.
+        homed: homing has ended well since the last arm.
         moving: A commanded motion is running.
-        port: Path or URL.
-        link_ok: The port is open and the last read and write went through.
-        virtual_port: The port is the virtual prototype's.
-        time_scale: Robot seconds per second.
-        lengths_m: As `SentEvent`.
-        known: As `SentEvent`.
-        energised: Which struts have been sent a pulse since the port was opened.
-        calibration_hash: Of the calibration in use.
-        robot: The robot's name, by its calibration; empty: it names none.
-        answered: The board has answered since the port was opened.
-        battery_mv: Last reply of the board, in [mV]; None before the first.
-        duty_left_s: Robot time that the strut that ran longest lately may still run, in [s].
-        duty_known: Somebody knows how long the struts ran lately; else it counts as spent.
-        duty_limit_s: Its whole budget within the window, in [s].
-        supply_low_v: Servo supply below which no gait is begun, in [V].
-        write_latency: How long the port took to take each frame, the last 1200.
-        reopened: How often a lost link was opened again since `open`.
-        board_errors: What the board said is wrong with it, until reset; empty also for a board that cannot say.
-        replies: How the board answers its liveness queries, since `open`.
-        prototype: The virtual prototype's instance, if the port has proven to be one's; empty on a real port.
-        frames_sent: Frames written since `open`.
-        write_errors: Failed or partial writes since `open`.
-        late_periods: Periods that the frame loop missed, dropped and not made up for.
-        congested_periods: Periods without a frame because the port still held the one before, or an answer was late.
-        session: As `SentEvent`; empty before the first opening.
+        port: path or URL.
+        link_ok: the port is open and the last read and write went through.
+        virtual_port: the port is the virtual prototype's.
+        time_scale: robot seconds per second.
+        lengths_m: as `SentEvent`.
+        known: as `SentEvent`.
+        energised: which struts have been sent a pulse since the port was opened.
+        calibration_hash: of the calibration in use.
+        robot: the robot's name, by its calibration; empty: it names none.
+        answered: the board has answered since the port was opened.
+        battery_mv: last reply of the board, in [mV]; None before the first.
+        duty_left_s: robot time that the strut that ran longest lately may still run, in [s].
+        duty_known: somebody knows how long the struts ran lately; else it counts as spent.
+        duty_limit_s: its whole budget within the window, in [s].
+        supply_low_v: servo supply below which no gait is begun, in [V].
+        write_latency: how long the port took to take each frame, the last 1200.
+        reopened: how often a lost link was opened again since `open`.
+        board_errors: what the board said is wrong with it, until reset; empty also for a board that cannot say.
+        replies: how the board answers its liveness queries, since `open`.
+        prototype: the virtual prototype's instance, if the port has proven to be one's; empty on a real port.
+        frames_sent: frames written since `open`.
+        write_errors: failed or partial writes since `open`.
+        late_periods: periods that the frame loop missed, dropped and not made up for.
+        congested_periods: periods without a frame because the port still held the one before, or an answer was late.
+        session: as `SentEvent`; empty before the first opening.
     """
 
     robot_time_ns: int

@@ -32,17 +32,17 @@ class Jogger:
     """Holds the port; keeps the records, so that the bridge knows later where the struts are and how long they have run.
 
     Args:
-        transport: Opened here, closed by `close`.
-        board: What sits behind the port.
-        records: Of the robot.
-        limits: For the duty.
-        time_scale: Robot seconds per second.
-        silent_board: The operator's word that this board cannot answer.
-        wait: Lets wall seconds pass.
+        transport: opened here, closed by `close`.
+        board: what sits behind the port.
+        records: of the robot.
+        limits: for the duty.
+        time_scale: robot seconds per second.
+        silent_board: the operator's word that this board cannot answer.
+        wait: lets wall seconds pass.
 
     Raises:
-        TransportError: The port cannot be used.
-        BoardSilent: Nobody answers there, and there is no word that this board cannot.
+        TransportError: the port cannot be used.
+        BoardSilent: nobody answers there, and there is no word that this board cannot.
     """
 
     def __init__(
@@ -108,12 +108,12 @@ class Jogger:
         """Moves a strut (from 0) to a pulse, in short steps; its first move goes there at full speed, whatever is asked.
 
         Returns:
-            The pulse now: the asked one, or the nearest that the board takes.
+            the pulse now: the asked one, or the nearest that the board takes.
 
         Raises:
-            LinkLost: The port failed.
-            StateFileError: The last pulses cannot be kept.
-            DutyError: The strut has run too long lately; it holds where it is.
+            LinkLost: the port failed.
+            StateFileError: the last pulses cannot be kept.
+            DutyError: the strut has run too long lately; it holds where it is.
         """
         low, high = self._board.quirks.pulse_us
         target = min(max(pulse_us, low), high)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The caller's hand on a motion that the bridge has accepted."""
+"""Handle of a motion that the bridge has accepted."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ class Progress:
     """How far a motion is.
 
     Attributes:
-        fraction: Part of its path that has been sent, 0 to 1.
-        elapsed_s: The same in robot time, in [s].
-        duration_s: Robot time of the whole path, in [s].
-        lengths_m: Rest lengths last sent, in [m].
+        fraction: part of its path that has been sent, 0 to 1.
+        elapsed_s: the same in robot time, in [s].
+        duration_s: robot time of the whole path, in [s].
+        lengths_m: rest lengths last sent, in [m].
     """
 
     fraction: float
@@ -33,8 +33,8 @@ class MotionResult:
 
     Attributes:
         outcome: `done`: every knot was sent and the board has had the time for it; `held`; `fault`.
-        reason: For people; empty if done.
-        lengths_m: Rest lengths last sent, in [m].
+        reason: for people; empty if done.
+        lengths_m: rest lengths last sent, in [m].
     """
 
     outcome: Outcome
@@ -51,9 +51,9 @@ class MotionHandle:
     """An accepted motion. All methods may be called from any thread.
 
     Attributes:
-        number: Its identity, from 1.
-        duration_s: Robot time of the whole path, in [s].
-        sent_s: For the bridge: path time of the newest frame that `progress` has seen.
+        number: its identity, from 1.
+        duration_s: robot time of the whole path, in [s].
+        sent_s: for the bridge: path time of the newest frame that `progress` has seen.
     """
 
     def __init__(

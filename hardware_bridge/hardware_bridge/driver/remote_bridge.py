@@ -46,8 +46,8 @@ class HostProcess:
         """Starts it.
 
         Args:
-            command: The program; the number of its end of the connection is added as the last word.
-            on_end: Told once, from another thread, if the process ends by itself, and how.
+            command: the program; the number of its end of the connection is added as the last word.
+            on_end: told once, from another thread, if the process ends by itself, and how.
         """
         here, there = socket.socketpair()
         with there:
@@ -101,7 +101,7 @@ class HostProcess:
         """Calls a method there and waits for its end.
 
         Raises:
-            BridgeError: What it raised; `StateError` if the process is gone.
+            BridgeError: what it raised; `StateError` if the process is gone.
         """
         asked = _Asked()
         with self._sending:
@@ -184,9 +184,9 @@ class RemoteBridge:
     """As `Bridge`, in a host's process. After `close` only `snapshot` is of use.
 
     Attributes:
-        port, rules, board: As `Bridge`'s.
-        observer: Path of the virtual prototype's observer socket; None on a real port.
-        board_timeout_s: As `Bridge`'s.
+        port, rules, board: as `Bridge`'s.
+        observer: path of the virtual prototype's observer socket; None on a real port.
+        board_timeout_s: as `Bridge`'s.
     """
 
     def __init__(self, host: HostProcess, port: str, rules: Rules, board: Board, callbacks: Callbacks) -> None:

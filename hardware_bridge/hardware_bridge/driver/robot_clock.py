@@ -13,7 +13,7 @@ class RobotClock:
     """Whole nanoseconds of robot time; never goes back, whatever happens to the wall clock.
 
     Attributes:
-        time_scale: Robot seconds per second of the steady clock.
+        time_scale: robot seconds per second of the steady clock.
     """
 
     def __init__(self, time_scale: float = 1.0, steady_ns: Callable[[], int] = time.monotonic_ns) -> None:

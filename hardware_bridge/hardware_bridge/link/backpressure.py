@@ -13,7 +13,7 @@ class Congestion:
     """Looks at a link before every frame.
 
     Attributes:
-        periods: Periods without a frame so far.
+        periods: periods without a frame so far.
     """
 
     def __init__(self) -> None:
@@ -24,7 +24,7 @@ class Congestion:
         """Whether the port still holds the frame before, or the board's answer is late; `now_s` is wall time.
 
         Raises:
-            LinkLost: The port has sent nothing on for `PORT_LIMIT_S`. A late answer has a limit of its own, see `Link`.
+            LinkLost: the port has sent nothing on for `PORT_LIMIT_S`. A late answer has a limit of its own, see `Link`.
         """
         if not link.is_congested():
             self._since_s = None

@@ -14,9 +14,9 @@ class Answer:
     """A sound answer of the board, and what was true when it was asked.
 
     Attributes:
-        health: What it said.
-        energised: Which channels had been sent a pulse by then, and well before, in case the answer is a late one to an
-            earlier question.
+        health: what it said.
+        energised: which channels had been sent a pulse by then, and well before, in case the answer is a late one to an earlier
+            question.
     """
 
     health: Health
@@ -34,8 +34,8 @@ class Verdict:
     """What to do about an answer.
 
     Attributes:
-        problem: Why nothing more must be sent; empty: nothing is wrong with the struts that hold.
-        positions_unknown: The struts may be elsewhere than they were sent.
+        problem: why nothing more must be sent; empty: nothing is wrong with the struts that hold.
+        positions_unknown: the struts may be elsewhere than they were sent.
     """
 
     problem: str = ""
@@ -49,8 +49,9 @@ def judge(answer: Answer, holds: bool, error_moves: bool) -> Verdict:
     fault; but where it moves struts, nobody knows any more where they are.
 
     Args:
-        holds: Some strut holds, or is about to.
-        error_moves: On this board an error may move the struts.
+        answer: what the board said.
+        holds: some strut holds, or is about to.
+        error_moves: on this board an error may move the struts.
     """
     errors, silent = answer.health.errors, answer.silent_channels
     unknown = bool(silent) or (bool(errors) and error_moves)

@@ -34,8 +34,8 @@ class Link:
     is lost.
 
     Attributes:
-        battery_mv: Last supply voltage that the board told, in [mV].
-        write_errors: Failed or partial writes.
+        battery_mv: last supply voltage that the board told, in [mV].
+        write_errors: failed or partial writes.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Link:
         """Opens the port afresh; after a cut frame the link stays down until `resynchronise`.
 
         Raises:
-            TransportError: What the transport raises.
+            TransportError: what the transport raises.
         """
         self.close()
         self._transport.open()
@@ -182,8 +182,10 @@ class Link:
         return self._transport.pending_bytes() > 0
 
     def is_late(self, now_s: float) -> bool:
-        """Whether a board that used to answer has not for `LATE_ANSWER_S`: a slow radio link may hold back bytes where no
-        port tells of them."""
+        """Whether a board that used to answer has been silent for `LATE_ANSWER_S`.
+
+        A slow radio link may hold back bytes where no port tells of them.
+        """
         since_s = self._unanswered_since_s
         return self._answers and since_s is not None and now_s - since_s > LATE_ANSWER_S
 
@@ -193,13 +195,14 @@ class Link:
         A board that has never answered is not missed: it is not armed either, see `require_answered`.
 
         Args:
-            energised: Which channels have been sent a pulse.
+            now_s: wall time, in [s].
+            energised: which channels have been sent a pulse.
 
         Returns:
-            The board's answer, if it has become complete.
+            the board's answer, if it has become complete.
 
         Raises:
-            LinkLost: The port failed, or a board that used to answer has been silent for too long.
+            LinkLost: the port failed, or a board that used to answer has been silent for too long.
         """
         answer = self._listen()
         if answer is not None:
@@ -266,7 +269,7 @@ def first_answer(transport: SerialTransport, board: Board, limit_s: float = FIRS
     """Asks a board on an open port how it is, until it answers; None: it does not within `limit_s`. Nothing moves.
 
     Raises:
-        LinkLost: The port failed.
+        LinkLost: the port failed.
     """
     first = board.quirks.channels[0]
     query = board.encode_query(range(first, first + MAX_SERVOS))

@@ -28,10 +28,10 @@ class Replies(NamedTuple):
     """How a board answers its liveness queries.
 
     Attributes:
-        questions: Asked so far.
-        unanswered: Of these, had no sound answer before the next one, and were asked again.
-        bad: Of these, were answered by too many, too few or nonsensical bytes.
-        latency: From question to answer; looked for at each frame, so it may read up to a frame's period too much.
+        questions: asked so far.
+        unanswered: of these, had no sound answer before the next one, and were asked again.
+        bad: of these, were answered by too many, too few or nonsensical bytes.
+        latency: from question to answer; looked for at each frame, so it may read up to a frame's period too much.
     """
 
     questions: int = 0

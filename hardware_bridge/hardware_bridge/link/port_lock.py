@@ -62,7 +62,7 @@ def lock_port(port: str) -> PortLock:
     """Locks what is behind a path or URL, before it is opened.
 
     Raises:
-        PortMissing, PortBusy, PortWrongKind: As `SerialTransport.open`.
+        PortMissing, PortBusy, PortWrongKind: as `SerialTransport.open`.
     """
     return PortLock(_addresses(port) if "://" in port else (device_name(port),), port)
 
@@ -77,7 +77,7 @@ def lock_robot(record: str, robot: str, port: str) -> PortLock:
 def device_name(port: str) -> str:
     """The lock's name of the device behind a path. Raises PortMissing, PortWrongKind."""
     try:
-        status = os.stat(port)
+        status = os.stat(port)  # noqa: PTH116 (an empty Path is this folder, an empty name is none)
     except FileNotFoundError as error:
         raise PortMissing(port, "does not exist", REMEDY_MISSING) from error
     except (OSError, ValueError) as error:

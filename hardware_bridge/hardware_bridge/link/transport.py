@@ -26,11 +26,11 @@ class SerialTransport:
     """One exclusive serial port.
 
     Attributes:
-        port: The path, or `socket://HOST:PORT`. Other URLs are refused: they hide a device, or are none.
-        baud: Rate of the port; the Bluetooth side of an rfcomm port ignores it.
-        read_timeout_s: Longest wait of `read_exactly`, wall time.
-        write_timeout_s: Longest wait of `write_all`, wall time; about a frame, so that stop never waits longer.
-        open_timeout_s: Longest wait of `open`, wall time: a paired module that is off blocks the kernel for seconds.
+        port: the path, or `socket://HOST:PORT`. Other URLs are refused: they hide a device, or are none.
+        baud: rate of the port; the Bluetooth side of an rfcomm port ignores it.
+        read_timeout_s: longest wait of `read_exactly`, wall time.
+        write_timeout_s: longest wait of `write_all`, wall time; about a frame, so that stop never waits longer.
+        open_timeout_s: longest wait of `open`, wall time: a paired module that is off blocks the kernel for seconds.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class SerialTransport:
         """Opens the port exclusively, whatever its name is spelled like (see `port_lock`).
 
         Raises:
-            PortMissing, PortBusy, PortWrongKind: Within `open_timeout_s`, naming port and remedy.
+            PortMissing, PortBusy, PortWrongKind: within `open_timeout_s`, naming port and remedy.
         """
         if self._serial is not None:
             return
@@ -91,7 +91,7 @@ class SerialTransport:
         """Hands every byte to the operating system within `write_timeout_s`.
 
         Raises:
-            LinkLost: The port failed or did not take all; `dirty` says whether a part of `data` may be on its way.
+            LinkLost: the port failed or did not take all; `dirty` says whether a part of `data` may be on its way.
         """
         port = self._require_open()
         deadline = time.monotonic() + self.write_timeout_s
@@ -112,7 +112,7 @@ class SerialTransport:
         """`count` bytes, or an error after `read_timeout_s`.
 
         Raises:
-            LinkLost: The port failed, or sent fewer bytes in time.
+            LinkLost: the port failed, or sent fewer bytes in time.
         """
         port = self._require_open()
         try:
@@ -127,7 +127,7 @@ class SerialTransport:
         """What has arrived, up to `limit` bytes, without waiting.
 
         Raises:
-            LinkLost: The peer is gone.
+            LinkLost: the peer is gone.
         """
         port = self._require_open()
         data = bytearray()

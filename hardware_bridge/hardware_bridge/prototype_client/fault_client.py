@@ -2,7 +2,7 @@
 """Telling a virtual prototype to fail, through the Unix socket beside its link. For tests; a real robot has no such thing.
 
 One connection, one request: a line of JSON in, a line of JSON back. What exists is in `FAULTS`; `clear` ends all
-that last. To `{"who": NONCE}` it says who it is, see `virtual_port`.
+that last. To `{"who": NONCE}` it says who it is, see `handshake`.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ def check_fault(request: object) -> tuple[str, str, dict[str, float]]:
     """Fault, direction (empty where it has none) and numbers of a request.
 
     Raises:
-        ValueError: It is none; says what is valid.
+        ValueError: it is none; says what is valid.
     """
     if not isinstance(request, Mapping) or request.get("fault") not in FAULTS:
         raise ValueError(
@@ -77,7 +77,7 @@ def inject(link: Path, fault: str, direction: str = "", **numbers: float) -> flo
     """Makes the virtual prototype behind `link` fail; the robot time in [s] of its own clock at which it began to.
 
     Raises:
-        PrototypeError: Nobody is there, or there is no such fault.
+        PrototypeError: nobody is there, or there is no such fault.
     """
     request = {"fault": fault, **({"direction": direction} if direction else {}), **numbers}
     try:

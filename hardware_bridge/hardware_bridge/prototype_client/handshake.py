@@ -2,7 +2,7 @@
 """How a bridge knows that a port is the virtual prototype: not by its name, and not by what a file says, but by proof.
 
 Beside the link `L` the prototype keeps `L.lock` (locked while it lives), `L.observer` and `L.faults` (Unix sockets, see
-the prototype's observer and `fault_injection`). Who asks at the latter gets this handshake. It counts if folder, link and
+the prototype's observer and `fault_client`). Who asks at the latter gets this handshake. It counts if folder, link and
 sockets are this user's alone, if the process that answers is this user's, and if the pty behind the link is that process's own.
 """
 
@@ -38,12 +38,12 @@ class Handshake:
     """What the virtual prototype says about itself; nothing about its parameters.
 
     Attributes:
-        pid: Its process, by the kernel's word.
-        instance: New at every start: another robot, whose struts are elsewhere.
-        device: The pty behind the link.
-        time_scale: Its robot seconds per second.
-        observer: Path of its observer's socket.
-        board: The board that it emulates (see `codecs.registry`).
+        pid: its process, by the kernel's word.
+        instance: new at every start: another robot, whose struts are elsewhere.
+        device: the pty behind the link.
+        time_scale: its robot seconds per second.
+        observer: path of its observer's socket.
+        board: the board that it emulates (see `codecs.registry`).
     """
 
     pid: int
@@ -88,7 +88,8 @@ def examine(port: str) -> tuple[Handshake | None, str]:
     An empty reason: nothing there looks like a prototype.
     """
     link = Path(port)
-    if not os.path.islink(port) or not (os.path.lexists(lock_path(link)) or os.path.lexists(faults_path(link))):
+    is_link = os.path.islink(port)  # noqa: PTH114 (no error where it may not be looked at)
+    if not is_link or not (os.path.lexists(lock_path(link)) or os.path.lexists(faults_path(link))):
         return None, ""
     try:
         return _proven(link), ""
@@ -102,7 +103,7 @@ def require_prototype(link: Path) -> Handshake:
     """The handshake of the prototype at a link that nobody named as a port: what else lives there is nobody's robot.
 
     Raises:
-        PortMissing: There is none, with what is there instead.
+        PortMissing: there is none, with what is there instead.
     """
     handshake, doubt = examine(str(link))
     if handshake is None:
@@ -113,7 +114,7 @@ def require_prototype(link: Path) -> Handshake:
 def require_same_pty(port: str, handshake: Handshake, descriptor: int | None) -> None:
     """Raises PortMissing unless what was opened is the pty of the prototype that gave the handshake before."""
     try:
-        if descriptor is None or _identity(os.fstat(descriptor)) != _identity(os.stat(handshake.device)):
+        if descriptor is None or _identity(os.fstat(descriptor)) != _identity(Path(handshake.device).stat()):
             raise OSError(None, "another device was opened")
         _require_pty(handshake.pid, handshake.device)
     except OSError as error:
@@ -194,11 +195,11 @@ def _require_pty(pid: int, device: str) -> None:
     found = _PTY.fullmatch(device)
     if found is None:
         raise OSError(None, f"{device} is no pty")
-    far = _identity(os.stat(device))  # not only its number: containers count their own
+    far = _identity(Path(device).stat())  # not only its number: containers count their own
     has_far = has_near = False
     for entry in os.scandir(f"/proc/{pid}/fd"):
         try:
-            one = os.stat(entry.path)
+            one = Path(entry.path).stat()
             has_far |= _identity(one) == far
             if stat.S_ISCHR(one.st_mode) and one.st_rdev == _PTMX:
                 has_near |= f"tty-index:\t{found[1]}\n" in Path(f"/proc/{pid}/fdinfo/{entry.name}").read_text(encoding="ascii")

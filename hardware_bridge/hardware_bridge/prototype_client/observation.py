@@ -22,13 +22,13 @@ class Observation:
     """What a camera above the floor would tell.
 
     Attributes:
-        robot_time_ns: The observer's own robot time, in [ns]; not the bridge's.
-        face: Base face, or None.
-        detail: For people.
-        settled: All joints have been slower than the rest speed for 0.2 s.
-        joints_m: Shape (12, 3), in [m].
-        box_m: Shape (3,), in [m].
-        late_s: How late at worst, in robot time, a virtual prototype on a busy computer took its bytes since the observation
+        robot_time_ns: the observer's own robot time, in [ns]; not the bridge's.
+        face: base face, or None.
+        detail: for people.
+        settled: all joints have been slower than the rest speed for 0.2 s.
+        joints_m: shape (12, 3), in [m].
+        box_m: shape (3,), in [m].
+        late_s: how late at worst, in robot time, a virtual prototype on a busy computer took its bytes since the observation
             before; 0 of any other observer.
     """
 
@@ -59,7 +59,7 @@ def decode_observation(line: bytes) -> Observation:
     """The observation in a line.
 
     Raises:
-        ObserverError: It is none.
+        ObserverError: it is none.
     """
     try:
         data = json.loads(line)

@@ -23,12 +23,12 @@ class ObserverClient:
     """Calls `on_observation` with every observation, in order, from its thread; an exception there is logged.
 
     Args:
-        path: The observer's Unix socket, such as `Bridge.observer`; its process must be this user's, or root's.
-        on_observation: Takes an `Observation`.
-        on_connection: Told True when the observer is there, False when it is gone.
+        path: the observer's Unix socket, such as `Bridge.observer`; its process must be this user's, or root's.
+        on_observation: takes an `Observation`.
+        on_connection: told True when the observer is there, False when it is gone.
 
     Attributes:
-        refused: It was somebody else's.
+        refused: it was somebody else's.
     """
 
     def __init__(

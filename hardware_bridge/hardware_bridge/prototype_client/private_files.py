@@ -20,10 +20,10 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def open_folder(path: Path, create: bool = False) -> int:
-    """A descriptor of a folder of this user's that nobody else can write to. Args: create: make it, for this user only.
+    """A descriptor of a folder of this user's that nobody else can write to. `create`: make it, for this user only.
 
     Raises:
-        OSError: It is another user's, others can write to it, it is a link, it does not exist; `strerror` says which.
+        OSError: it is another user's, others can write to it, it is a link, it does not exist; `strerror` says which.
     """
     if create:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -74,7 +74,7 @@ def listen(path: Path, clients: int) -> socket.socket:
     server = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
         server.bind(os.fspath(path))
-        os.chmod(path, 0o600)
+        path.chmod(0o600)
         server.listen(clients)
         server.setblocking(False)
     except OSError:
@@ -84,10 +84,10 @@ def listen(path: Path, clients: int) -> socket.socket:
 
 
 def connect(path: str | Path, limit_s: float, trusted: Sequence[int] = ()) -> socket.socket:
-    """A connection to a Unix socket behind which is a process of this user's. Args: trusted: further users' numbers.
+    """A connection to a Unix socket behind which is a process of this user's. `trusted`: further users' numbers.
 
     Raises:
-        OSError: Nobody listens; or whoever does is another user (PermissionError): nothing was sent, nothing must be read.
+        OSError: nobody listens; or whoever does is another user (PermissionError): nothing was sent, nothing must be read.
     """
     connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:

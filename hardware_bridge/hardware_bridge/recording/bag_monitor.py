@@ -23,13 +23,13 @@ class LogWatch:
     """Looks at a bag now and then.
 
     Args:
-        log: The open bag.
-        limit_mb: Free space below which there is trouble, in MB.
-        free: Gives the free space where a folder is, in MB.
+        log: the open bag.
+        limit_mb: free space below which there is trouble, in MB.
+        free: gives the free space where a folder is, in MB.
 
     Attributes:
-        trouble: Why nothing may be moved with this bag; empty: it is well.
-        free_mb: Free space when last looked.
+        trouble: why nothing may be moved with this bag; empty: it is well.
+        free_mb: free space when last looked.
     """
 
     def __init__(self, log: SessionLog, limit_mb: float, free: Callable[[Path], float] = free_mb):

@@ -73,7 +73,8 @@ class Session:
     Attributes:
         path: the file.
         messages: topic without the recording prefix and namespace's leading slash ("bridge/struts_sent") -> messages in log order.
-        attachments: name -> bytes. metadata: name -> mapping of strings.
+        attachments: name -> bytes.
+        metadata: name -> mapping of strings.
     """
 
     path: Path
@@ -102,7 +103,7 @@ class Bag:
     metadata: dict[str, dict[str, str]] = field(default_factory=dict)
 
     def session(self, since_ns: int = 0, until_ns: int = 1 << 64, required: bool = True) -> Session:
-        """What was logged within a span, decoded. Args: required: a topic that cannot be decoded is an error. Raises BagError."""
+        """What was logged within a span, decoded. `required`: a topic that cannot be decoded is an error. Raises BagError."""
         session = Session(self.path, attachments=self.attachments, metadata=self.metadata)
         decoders = _Decoders(self.path)
         for message in self.messages:
@@ -125,7 +126,9 @@ def read_session(
     """Read a bag, or only what was logged within a span.
 
     Args:
-        since_ns, until_ns: log times (ROS time), the second not included; None: from the beginning, to the end.
+        path: of the bag.
+        since_ns: earliest log time (ROS time); None: from the beginning.
+        until_ns: end of the span, itself left out; None: to the end.
         topics: that are decoded, such as "bridge/struts_sent"; None: all that can be.
 
     Raises:

@@ -99,14 +99,14 @@ class Recording:
     """A finished log.
 
     Attributes:
-        path: The file.
-        messages: How many it has.
-        counts: Messages of each topic.
-        complete: The journal had its proper end; else the session was killed and the log holds what was acknowledged.
-        unread_bytes: Of the journal, that could not be read; a cut tail is not counted.
-        unread_places: How many places that were.
-        missing: Messages that are missing there, by their numbers.
-        kept: Where the journal is kept, if something was unread.
+        path: the file.
+        messages: how many it has.
+        counts: messages of each topic.
+        complete: the journal had its proper end; else the session was killed and the log holds what was acknowledged.
+        unread_bytes: of the journal, that could not be read; a cut tail is not counted.
+        unread_places: how many places that were.
+        missing: messages that are missing there, by their numbers.
+        kept: where the journal is kept, if something was unread.
     """
 
     path: Path
@@ -145,7 +145,7 @@ def finish_journal(journal: Path, path: Path) -> Recording:
     """Rewrites `journal` as `path`, verifies it, makes it durable and removes the journal, or keeps it if it is damaged.
 
     Raises:
-        RecorderError: It cannot be written, or does not read back as the journal does; the journal stays.
+        RecorderError: it cannot be written, or does not read back as the journal does; the journal stays.
     """
     temporary = path.with_name(path.name + ".tmp")
     try:
@@ -153,7 +153,7 @@ def finish_journal(journal: Path, path: Path) -> Recording:
         copy = _tally(temporary)
         if copy.value != source.value or _indexed_messages(temporary) != sum(source.counts.values()):
             raise RecorderError(str(path), f"does not read back as written; the journal {journal} is kept")
-        os.replace(temporary, path)
+        temporary.replace(path)
         kept = _keep(journal) if found.places else None
         if kept is None:
             journal.unlink()
@@ -171,7 +171,7 @@ def _keep(journal: Path) -> Path:
     number = 1
     while (kept := journal.with_name(f"{journal.name}{DAMAGED}{number if number > 1 else ''}")).exists():
         number += 1
-    os.replace(journal, kept)
+    journal.replace(kept)
     return kept
 
 
@@ -238,9 +238,10 @@ class _Found:
     """What a journal turned out to be.
 
     Attributes:
-        ended: It has its proper end. checked: It has checksums.
-        unread, places: Bytes that could not be read, in how many places; a tail that was cut does not count.
-        missing: Messages whose numbers were left out.
+        ended: it has its proper end.
+        checked: it has checksums.
+        unread, places: bytes that could not be read, in how many places; a tail that was cut does not count.
+        missing: messages whose numbers were left out.
     """
 
     ended: bool = False

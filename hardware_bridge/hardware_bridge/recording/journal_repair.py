@@ -27,7 +27,8 @@ def mend(journal: Path, path: Path) -> str:
     """Finish a journal in a child process; what came of it, for people.
 
     Raises:
-        RecorderError: it could not be finished; the journal stays. OSError: it is not there any more.
+        RecorderError: it could not be finished; the journal stays.
+        OSError: it is not there any more.
     """
     words = [sys.executable, "-m", "hardware_bridge.recording.journal_repair", str(journal), str(path)]
     limit_s = 5.0 * _cpu_s(journal.stat().st_size)

@@ -33,7 +33,7 @@ class ShareSchemas:
     """Looks types up in `share` folders, the first that has them winning. Its methods fit `Recorder`.
 
     Args:
-        directories: By default `share_directories`.
+        directories: by default `share_directories`.
     """
 
     def __init__(self, directories: Iterable[Path] | None = None) -> None:
@@ -44,7 +44,7 @@ class ShareSchemas:
         """The whole definition of `package/msg/Name`.
 
         Raises:
-            SchemaError: It, or a type that it is made of, is not installed.
+            SchemaError: it, or a type that it is made of, is not installed.
         """
         root = _short(type_name)
         return self._with_parts(self._text(root), root)
@@ -53,7 +53,7 @@ class ShareSchemas:
         """The whole definitions of request and response of `package/srv/Name`; an empty one has no field.
 
         Raises:
-            SchemaError: It, or a type that it is made of, is not installed.
+            SchemaError: it, or a type that it is made of, is not installed.
         """
         root = _short(type_name, "srv")
         request, response = _HALVES.split(self._read(root, "srv"), maxsplit=1)
@@ -97,7 +97,7 @@ class ShareSchemas:
 
 def dependencies(text: str, short_name: str) -> list[str]:
     """The types (`package/Name`) that a definition's fields are made of, in order, some perhaps twice."""
-    package = short_name.split("/")[0]
+    package = short_name.split("/", maxsplit=1)[0]
     found = []
     for line in text.splitlines():
         match = _FIELD.match(line.split("#")[0].strip())

@@ -91,18 +91,18 @@ class Recorder:
     counted, told to `on_fault` once, and every later `write` raises. Nothing is dropped silently.
 
     Args:
-        path: The log, `….mcap`; while it lives, `<path>.journal` grows instead.
-        schema_text: Gives the whole definition of `package/msg/Name`; see `ShareSchemas`.
-        type_hash: Gives a type's RIHS01 hash, or an empty string.
-        queue_size: Messages that may wait for the disk.
-        on_fault: Told the first fault, once, from the thread that met it.
+        path: the log, `….mcap`; while it lives, `<path>.journal` grows instead.
+        schema_text: gives the whole definition of `package/msg/Name`; see `ShareSchemas`.
+        type_hash: gives a type's RIHS01 hash, or an empty string.
+        queue_size: messages that may wait for the disk.
+        on_fault: told the first fault, once, from the thread that met it.
 
     Attributes:
-        path: The log.
-        journal: The growing file.
+        path: the log.
+        journal: the growing file.
 
     Raises:
-        RecorderError: The file exists already, or the folder cannot be written.
+        RecorderError: the file exists already, or the folder cannot be written.
     """
 
     def __init__(
@@ -179,8 +179,8 @@ class Recorder:
         """Declares a topic with its publisher's quality of service; without it, the first `write` does, by default.
 
         Raises:
-            RecorderError: The topic has another type already, or a fault is latched.
-            SchemaError: The type is not installed.
+            RecorderError: the topic has another type already, or a fault is latched.
+            SchemaError: the type is not installed.
         """
         with self._lock:
             known = self._types.get(topic)
@@ -199,7 +199,7 @@ class Recorder:
         """Queues one serialised message; returns at once.
 
         Args:
-            topic: As live; it is recorded under `/recorded/`.
+            topic: as live; it is recorded under `/recorded/`.
             type_name: `package/msg/Name`.
             data: CDR, as `serialize_message` gives it.
             log_time_ns: ROS time of receipt or sending, in [ns].
@@ -207,7 +207,7 @@ class Recorder:
 
         Raises:
             RecorderError: A fault is latched, the queue is full, or the log is closed: the message is counted as lost.
-            SchemaError: The type is not installed.
+            SchemaError: the type is not installed.
         """
         if self._types.get(topic) != type_name:
             self.add_topic(topic, type_name)
@@ -238,7 +238,7 @@ class Recorder:
         """Writes everything queued, finishes the journal, and rewrites, verifies and syncs the log. Twice is fine.
 
         Raises:
-            RecorderError: The log cannot be finished; what was written stays in the journal.
+            RecorderError: the log cannot be finished; what was written stays in the journal.
         """
         with self._lock:
             first, self._closed = not self._closed, True

@@ -120,6 +120,7 @@ class SessionLog:
         """Begin the bag.
 
         Args:
+            folder: where the bag is written.
             topics: name -> (type, transient_local).
             attachments: name -> bytes.
             facts: kept as metadata "session", beside "versions".

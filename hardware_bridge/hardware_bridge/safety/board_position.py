@@ -34,7 +34,7 @@ class BoardTrack:
     No board tells where it is. If it does what it is told, it is here, only later by what the line takes.
 
     Args:
-        move_time: Of the board.
+        move_time: of the board.
     """
 
     def __init__(self, move_time: MoveTime) -> None:

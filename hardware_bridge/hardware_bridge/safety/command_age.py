@@ -11,9 +11,9 @@ class Age:
     """A clock for one command; steady, so that no setting of the time makes it younger.
 
     Args:
-        on_receipt_s: Its age when it came, by its stamp, in [s]; negative: stamped in the future.
-        steady_s: The clock, one for all processes of a computer.
-        received_s: When it came, by that clock; None: now.
+        on_receipt_s: its age when it came, by its stamp, in [s]; negative: stamped in the future.
+        steady_s: the clock, one for all processes of a computer.
+        received_s: when it came, by that clock; None: now.
     """
 
     def __init__(

@@ -19,9 +19,9 @@ def require_fit(board: Board, rules: Rules, baud: int) -> None:
     """Checks everything that would else fail at the first frame, or queue up on the wire.
 
     Raises:
-        BoardMismatch: The calibration was measured with another board.
+        BoardMismatch: the calibration was measured with another board.
         CalibrationError: A channel or pulse limit that the board does not have.
-        ParameterError: At this rate a frame takes longer than its period permits.
+        ParameterError: at this rate a frame takes longer than its period permits.
     """
     calibration, quirks = rules.calibration, board.quirks
     if calibration.board is not None and calibration.board != board.name:

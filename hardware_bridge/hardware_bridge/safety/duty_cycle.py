@@ -70,7 +70,7 @@ def check_duty(duty: Duty, path: Trajectory, now_s: float, rules: Rules) -> None
     """Whether there is time left for a whole path.
 
     Raises:
-        DutyError: There is not, with strut, time run, limit and how long to wait.
+        DutyError: there is not, with strut, time run, limit and how long to wait.
     """
     limits = rules.limits
     needs_s = run_time_s(path, rules.calibration, rules.pacing.period_s)

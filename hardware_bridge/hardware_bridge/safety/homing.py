@@ -21,7 +21,7 @@ def known_pulses(rules: Rules, state: State, arm: Arm) -> tuple[int, ...]:
     """The pulse at which each strut is: as last sent, or else as the operator confirms.
 
     Raises:
-        PositionUnknown: Neither is known, or they disagree, naming the strut.
+        PositionUnknown: neither is known, or they disagree, naming the strut.
     """
     if len(arm.confirmed_lengths_m) != len(STRUTS):
         raise PositionUnknown("S1 to S6", f"{len(arm.confirmed_lengths_m)} confirmed lengths, valid are 0 or 6")

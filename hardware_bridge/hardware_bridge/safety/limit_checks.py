@@ -28,7 +28,7 @@ MOST_SHAPES = 16000
 _ROUNDING_M = 1e-9
 
 
-def any_shape(lengths_m: tuple[float, ...]) -> str | None:
+def any_shape(_lengths_m: tuple[float, ...]) -> str | None:
     """The shape check of somebody who has none."""
     return None
 
@@ -38,10 +38,10 @@ class Rules:
     """Everything that decides whether a command or frame is permitted.
 
     Attributes:
-        calibration: Of the six struts; its own limits hold always, also while homing.
-        limits: Of commands.
-        pacing: Of frames.
-        shape_check: Judges six rest lengths together; applied to every mm of every path, and to every frame.
+        calibration: of the six struts; its own limits hold always, also while homing.
+        limits: of commands.
+        pacing: of frames.
+        shape_check: judges six rest lengths together; applied to every mm of every path, and to every frame.
     """
 
     calibration: Calibration
@@ -58,7 +58,7 @@ def check_trajectory(rules: Rules, present_m: Sequence[float], trajectory: Traje
     one a knot.
 
     Raises:
-        LimitError, ShapeError, TrajectoryError: The first thing that is not, with strut, value and limit.
+        LimitError, ShapeError, TrajectoryError: the first thing that is not, with strut, value and limit.
     """
     limits = rules.limits
     for knot in _beyond(rules, trajectory.lengths_m, limits.stroke_m):
@@ -90,7 +90,7 @@ def check_homing(rules: Rules, pulses_us: Sequence[int], path: Trajectory) -> No
     """Homing may start outside the policy bound, but not outside the actuators' own, nor go through a bad shape.
 
     Raises:
-        LimitError, ShapeError: With strut, value and limit.
+        LimitError, ShapeError: with strut, value and limit.
     """
     _check_pulses(rules, range(len(STRUTS)), pulses_us)
     _check_stroke(rules, rules.calibration.lengths_m(pulses_us), np.inf, "before homing")
@@ -101,8 +101,8 @@ def check_shapes(rules: Rules, path: Trajectory) -> None:
     """Both ends of a path, every mm of its way and every turn of a strut, as whole pulses would have it.
 
     Raises:
-        ShapeError: The first shape that is not permitted, with its time.
-        TrajectoryError: The way is too long to be judged.
+        ShapeError: the first shape that is not permitted, with its time.
+        TrajectoryError: the way is too long to be judged.
     """
     points = points_along(path, SHAPE_STEP_M, MOST_SHAPES)
     if points is None:
@@ -132,18 +132,18 @@ def check_frame(
     repeats every pulse (energise) moves nothing, and a hold goes nowhere new: they are held to that and to the pulse limits only.
 
     Args:
-        struts: Indices (from 0) of the struts in the frame.
-        pulses_us: All six pulses after the frame.
-        previous_us: All six before it; None where not known.
-        duration_ms: Duration asked of the board.
-        homing: The policy's stroke limit does not hold yet; everything else does.
-        board_us: The six pulses that the board gives now, see `BoardTrack`; None
-        for a strut
-            that it was not sent since the port was opened. None: where it was sent before.
-        hold: The frame is to stop the struts: it must lie between where the board is and where it was sent.
+        rules: limits and calibration.
+        struts: indices (from 0) of the struts in the frame.
+        pulses_us: all six pulses after the frame.
+        previous_us: all six before it; None where not known.
+        duration_ms: duration asked of the board.
+        homing: the policy's stroke limit does not hold yet; everything else does.
+        board_us: the six pulses that the board gives now, see `BoardTrack`; None for a strut that it was not sent since the port
+            was opened. None: where it was sent before.
+        hold: the frame is to stop the struts: it must lie between where the board is and where it was sent.
 
     Raises:
-        LimitError, ShapeError: The frame must not be sent.
+        LimitError, ShapeError: the frame must not be sent.
     """
     calibration, limits = rules.calibration, rules.limits
     _check_pulses(rules, struts, pulses_us)

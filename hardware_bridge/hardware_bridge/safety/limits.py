@@ -10,13 +10,14 @@ from typing import ClassVar
 from hardware_bridge.errors import ParameterError
 
 
+@dataclass(frozen=True)
 class _Ranged:
     """Refuses values outside `RANGES` (low, high) when constructed."""
 
     RANGES: ClassVar[dict[str, tuple[float, float]]]
 
     def __post_init__(self) -> None:
-        for field in fields(self):  # type: ignore[arg-type]
+        for field in fields(self):
             value, (low, high) = getattr(self, field.name), self.RANGES[field.name]
             number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
             if not number or not low <= value <= high:
@@ -28,17 +29,17 @@ class Limits(_Ranged):
     """Limits of every command.
 
     Attributes:
-        stroke_m: Largest change from mid stroke, either way, in [m]: the policy bound.
-        speed_m_s: Largest speed of a rest length, in [m/s] of robot time.
-        step_m: Largest change of a rest length in one frame, in [m].
-        goal_age_s: Oldest stamp of a goal, in [s] of wall time.
-        duty_fraction: Part of a window that a strut may run; its actuator's maker permits 0.2.
-        duty_window_s: That window, in [s] of robot time: of one minute in five, ten minutes make two.
-        supply_low_v: Servo supply below which no motion that loads the struts is begun, in [V]. A board that does
-            not tell its supply is not judged.
-        lease_silence_s: Longest silence of the lease's holder, in [s] of wall time: it is a process that must prove
-            its life, whatever the pace of the robot. With a time scale, which only a virtual port has, this is so many
-            times longer in robot time.
+        stroke_m: largest change from mid stroke, either way, in [m]: the policy bound.
+        speed_m_s: largest speed of a rest length, in [m/s] of robot time.
+        step_m: largest change of a rest length in one frame, in [m].
+        goal_age_s: oldest stamp of a goal, in [s] of wall time.
+        duty_fraction: part of a window that a strut may run; its actuator's maker permits 0.2.
+        duty_window_s: that window, in [s] of robot time: of one minute in five, ten minutes make two.
+        supply_low_v: servo supply below which no motion that loads the struts is begun, in [V]. A board that does not tell its
+            supply is not judged.
+        lease_silence_s: longest silence of the lease's holder, in [s] of wall time: it is a process that must prove its life,
+            whatever the pace of the robot. With a time scale, which only a virtual port has, this is so many times longer in robot
+            time.
     """
 
     RANGES: ClassVar[dict[str, tuple[float, float]]] = {
@@ -72,11 +73,11 @@ class Pacing(_Ranged):
     """How motions are cut into frames; all times in robot time.
 
     Attributes:
-        period_s: Time between frames, and between heartbeats. A frame of six servos lasts 26 ms at 9600 baud.
-        overlap: Duration of a frame's move over the period. Above 1, so that the board is still moving when the next
-            frame arrives; close to 1, so that little motion is left when the link dies.
-        homing_speed_m_s: Speed of the slow move to mid stroke, in [m/s].
-        energise_pause_s: Rest after each strut is energised, in [s].
+        period_s: time between frames, and between heartbeats. A frame of six servos lasts 26 ms at 9600 baud.
+        overlap: duration of a frame's move over the period. Above 1, so that the board is still moving when the next frame arrives;
+            close to 1, so that little motion is left when the link dies.
+        homing_speed_m_s: speed of the slow move to mid stroke, in [m/s].
+        energise_pause_s: rest after each strut is energised, in [s].
     """
 
     RANGES: ClassVar[dict[str, tuple[float, float]]] = {

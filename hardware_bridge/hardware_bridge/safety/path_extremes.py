@@ -20,10 +20,10 @@ class Haste:
     """Where a path is most ahead of a constant speed.
 
     Attributes:
-        strut: Index from 0.
-        over_m: By how much the change is more than the speed permits in that time, in [m].
-        change_m: The change, in [m].
-        start_s, end_s: When.
+        strut: index from 0.
+        over_m: by how much the change is more than the speed permits in that time, in [m].
+        change_m: the change, in [m].
+        start_s, end_s: when.
     """
 
     strut: int
@@ -60,8 +60,11 @@ def most_hasty(path: Trajectory, speed_m_s: float, allowed_m: NDArray[np.float64
 
 
 def points_along(path: Trajectory, step_m: float, most: int) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
-    """Times in [s] (n,) and lengths in [m] (n, 6) of points of a path: both ends, every `step_m` of the way of the strut that
-    goes farthest, and wherever a strut turns; None if that would be more than `most`."""
+    """Points of a path: times in [s] (n,) and lengths in [m] (n, 6).
+
+    Both ends, every `step_m` of the way of the strut that goes farthest, and wherever a strut turns; None if that would be more
+    than `most`.
+    """
     changes = np.abs(np.diff(path.lengths_m, axis=0)).max(axis=1)
     way = np.concatenate(([0.0], np.cumsum(changes)))
     if way[-1] / step_m > most:

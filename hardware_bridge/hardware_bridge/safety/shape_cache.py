@@ -24,8 +24,8 @@ class ShapeMemory:
     """Remembers what a slow judge said. May be used from any thread.
 
     Args:
-        judge: The slow one; called by one thread at a time, with nothing of ours locked but this.
-        near_m: How far, strut by strut, a frame may be from a permitted shape to count as that shape, in [m].
+        judge: the slow one; called by one thread at a time, with nothing of ours locked but this.
+        near_m: how far, strut by strut, a frame may be from a permitted shape to count as that shape, in [m].
     """
 
     def __init__(self, judge: ShapeCheck, near_m: float) -> None:

@@ -87,10 +87,10 @@ class Supervisor:
     """The state machine under a set of rules.
 
     Attributes:
-        rules: Calibration, limits, pacing and shape check.
+        rules: calibration, limits, pacing and shape check.
 
     Args:
-        move_time: How long the board takes for a way.
+        move_time: how long the board takes for a way.
     """
 
     def __init__(self, rules: Rules, move_time: MoveTime = as_told) -> None:
@@ -102,7 +102,7 @@ class Supervisor:
         self._reach_us = self._speed_us_s * self._frame_ms * 1e-3 + _HALF_US
         self._step_us = rules.limits.step_m * us_per_m + _HALF_US
 
-    def step(self, state: State, event: Event, now: Now) -> Result:
+    def step(self, state: State, event: Event, now: Now) -> Result:  # noqa: PLR0911 (one row an event)
         """The next state and what to do. A refused event leaves the state as it was, with one `Refuse`."""
         try:
             match event:
@@ -277,9 +277,11 @@ class Supervisor:
         return after, (Send(kind, _ALL, pulses_us, self._frame_ms),)
 
     def _permitted_advance_s(self, motion: Motion, elapsed_s: float, where: _Where) -> float:
-        """How far along its path a motion may jump: to the newest due frame, but no strut farther than the board comes within one
-        frame at the speed limit, than the pace permits, or than a step. The rest is lost time, never a queue: the path is kept,
-        only later."""
+        """How far along its path a motion may jump, in [s].
+
+        To the newest due frame, but no strut farther than the board comes within one frame at the speed limit, than the pace
+        permits, or than a step. The rest is lost time, never a queue: the path is kept, only later.
+        """
         low_us = np.maximum(np.maximum(where.board_us, where.paced_us) - self._reach_us, where.sent_us - self._step_us)
         high_us = np.minimum(np.minimum(where.board_us, where.paced_us) + self._reach_us, where.sent_us + self._step_us)
 

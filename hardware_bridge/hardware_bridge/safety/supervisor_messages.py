@@ -68,10 +68,10 @@ class Motion:
     """A path being sent.
 
     Attributes:
-        number: Identity of the motion; homing has `HOMING_NUMBER`.
-        path: From the lengths at its acceptance on.
-        progress_s: Path time of the newest frame.
-        ticked_s: Robot time at which that frame was made; None before the first.
+        number: identity of the motion; homing has `HOMING_NUMBER`.
+        path: from the lengths at its acceptance on.
+        progress_s: path time of the newest frame.
+        ticked_s: robot time at which that frame was made; None before the first.
     """
 
     number: int
@@ -85,10 +85,10 @@ class LastFrame:
     """The newest frame that moved or held something: since then the board goes on to the pulses sent.
 
     Attributes:
-        from_us: Where its outputs were then, in [us].
-        sent_s: Robot time.
-        moves_s: How long each takes to its pulse, in [s].
-        paced_us: Where they would have been then if they had never gone faster than the limit: what may be sent is tied to this
+        from_us: where its outputs were then, in [us].
+        sent_s: robot time.
+        moves_s: how long each takes to its pulse, in [s].
+        paced_us: where they would have been then if they had never gone faster than the limit: what may be sent is tied to this
             too, so that no chain of motions gains a pulse with each.
     """
 
@@ -103,19 +103,19 @@ class State:
     """All that the supervisor knows.
 
     Attributes:
-        mode: The state's name.
-        reason: Why, for people; empty if nothing needs saying.
-        pulses_us: Last sent (or confirmed) pulse of each strut; None where nobody knows.
-        unknown_why: Why nobody knows, for people.
-        energised: Which struts have been sent a pulse since the port was opened, and so hold.
-        lease: The current one, if any.
-        homed: Homing has ended well since the last arm.
-        motion: What is being sent, if anything.
-        energising: While homing, how many struts have been energised.
-        resume_s: Robot time at which homing goes on.
-        last_frame: See `LastFrame`.
-        duty: How long each strut has run lately.
-        supply_mv: Servo supply as the board last told it, in [mV]; None where it never did.
+        mode: the state's name.
+        reason: why, for people; empty if nothing needs saying.
+        pulses_us: last sent (or confirmed) pulse of each strut; None where nobody knows.
+        unknown_why: why nobody knows, for people.
+        energised: which struts have been sent a pulse since the port was opened, and so hold.
+        lease: the current one, if any.
+        homed: homing has ended well since the last arm.
+        motion: what is being sent, if anything.
+        energising: while homing, how many struts have been energised.
+        resume_s: robot time at which homing goes on.
+        last_frame: see `LastFrame`.
+        duty: how long each strut has run lately.
+        supply_mv: servo supply as the board last told it, in [mV]; None where it never did.
     """
 
     mode: Mode = Mode.DISARMED

@@ -27,11 +27,11 @@ class Trajectory:
     The motion starts at the present lengths at time 0. A first knot at time 0 that is elsewhere is a jump, for the rules to judge.
 
     Attributes:
-        times_s: Robot time of each knot since the start, strictly increasing. Shape (n,).
-        lengths_m: Absolute rest lengths in [m], S1 first. Shape (n, 6).
+        times_s: robot time of each knot since the start, strictly increasing. Shape (n,).
+        lengths_m: absolute rest lengths in [m], S1 first. Shape (n, 6).
 
     Raises:
-        TrajectoryError: Wrong shape or order, or not a number, naming strut and knot (from 1).
+        TrajectoryError: wrong shape or order, or not a number, naming strut and knot (from 1).
     """
 
     times_s: NDArray[np.float64]
@@ -67,7 +67,7 @@ class Trajectory:
         """A trajectory whose columns are in the order of `names`, which must be S1 to S6, each once.
 
         Raises:
-            TrajectoryError: Wrong names or counts, or as the class.
+            TrajectoryError: wrong names or counts, or as the class.
         """
         if sorted(names) != list(STRUTS):
             raise TrajectoryError(f"names are {list(names)}, valid are {list(STRUTS)}, each once")
@@ -104,9 +104,9 @@ class Trajectory:
         """Lengths in [m] at `time_s`, held beyond the ends. Shape (6,)."""
         times, lengths = self.times_s, self.lengths_m
         if time_s <= times[0]:
-            return lengths[0].copy()
+            return np.array(lengths[0])
         if time_s >= times[-1]:
-            return lengths[-1].copy()
+            return np.array(lengths[-1])
         right = int(np.searchsorted(times, time_s, side="right"))
         part = (time_s - times[right - 1]) / (times[right] - times[right - 1])
         return np.asarray(lengths[right - 1] + part * (lengths[right] - lengths[right - 1]))

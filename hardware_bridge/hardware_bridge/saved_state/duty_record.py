@@ -44,8 +44,8 @@ class DutyRecord:
     says.
 
     Attributes:
-        path: The file.
-        identity: Whose actuators; only its robot matters.
+        path: the file.
+        identity: whose actuators; only its robot matters.
     """
 
     def __init__(self, directory: Path, identity: Identity, limits: Limits) -> None:
@@ -62,8 +62,10 @@ class DutyRecord:
         """What counts still, on a robot clock that reads `now_s`.
 
         Args:
-            rested_s: For how long the actuators have rested by the operator's word, in [s] of robot time. It is taken for
-                what nobody knows, not against what the record knows.
+            now_s: the robot clock, in [s].
+            time_scale: robot seconds per second.
+            rested_s: for how long the actuators have rested by the operator's word, in [s] of robot time. It is taken for what
+                nobody knows, not against what the record knows.
         """
         window_s = self._limits.duty_window_s
         known_s, spells = self._past(self.path, time_scale, rested_s)
@@ -84,7 +86,7 @@ class DutyRecord:
         """Replaces the record if it has changed, and not more often than is useful unless `force` is set.
 
         Raises:
-            StateFileError: It cannot be written.
+            StateFileError: it cannot be written.
         """
         wall_s = time.monotonic()
         if not force and (duty == self._saved or wall_s - self._saved_s < SAVE_PERIOD_S):

@@ -31,9 +31,9 @@ class LastPulses:
     """Pulses by channel, for one robot with its calibration and board.
 
     Attributes:
-        path: The file.
-        identity: Whose pulses.
-        why: Why nobody knows them, after `load`, for people; empty: they are known.
+        path: the file.
+        identity: whose pulses.
+        why: why nobody knows them, after `load`, for people; empty: they are known.
     """
 
     def __init__(self, directory: Path, identity: Identity) -> None:
@@ -60,7 +60,7 @@ class LastPulses:
         While nobody knows a single pulse, what the file says of another calibration or board stays: nothing has moved.
 
         Raises:
-            StateFileError: It cannot be written.
+            StateFileError: it cannot be written.
         """
         pulses: dict[str, object] = {
             str(channel): pulse for channel, pulse in zip(channels, pulses_us, strict=True) if pulse is not None

@@ -18,10 +18,10 @@ class Identity:
     """One robot, as it is driven.
 
     Attributes:
-        robot: Its name, from its calibration; of a virtual prototype its instance; empty: nobody knows which one it is.
-        calibration: Hash of its calibration; empty while that is measured.
-        board: The board's spec.
-        link: Of a virtual prototype, where it lives; empty: a real robot.
+        robot: its name, from its calibration; of a virtual prototype its instance; empty: nobody knows which one it is.
+        calibration: hash of its calibration; empty while that is measured.
+        board: the board's spec.
+        link: of a virtual prototype, where it lives; empty: a real robot.
     """
 
     robot: str

@@ -16,9 +16,9 @@ class Records:
     """Held until `close`.
 
     Attributes:
-        identity: Whose.
-        pulses: Where its struts were sent last.
-        duty: How long they have run lately.
+        identity: whose.
+        pulses: where its struts were sent last.
+        duty: how long they have run lately.
     """
 
     def __init__(self, directory: Path, identity: Identity, limits: Limits, port: str) -> None:

@@ -27,7 +27,7 @@ def read(path: Path) -> dict[str, object] | None:
     """The object in a file; None: there is no such file. Not-a-number and infinity are no JSON here.
 
     Raises:
-        UnreadableError: It is no plain file of this user, is too large, or holds no JSON object.
+        UnreadableError: it is no plain file of this user, is too large, or holds no JSON object.
     """
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
@@ -67,7 +67,7 @@ def write(path: Path, data: dict[str, object], durable: bool = False) -> None:
         if durable:
             file.flush()
             os.fsync(descriptor)
-    os.replace(temporary, path)
+    temporary.replace(path)
 
 
 def _refuse(constant: str) -> object:

@@ -49,12 +49,12 @@ class SimulatedBody:
     """A robot of `sim_core` with perturbed parameters, drawn here and told to nobody; its actuators are ideal.
 
     Args:
-        face: It rests on.
-        perturbation: Scale of its perturbation, 0.05 for 5 %.
-        seed: Of the draw.
-        parameters: Of actuators that the solver's own are to follow; None: these are the robot's.
-        incline_deg: Of the ground.
-        downhill_rad: Direction on the floor; None: of the draw.
+        face: it rests on.
+        perturbation: scale of its perturbation, 0.05 for 5 %.
+        seed: of the draw.
+        parameters: of actuators that the solver's own are to follow; None: these are the robot's.
+        incline_deg: of the ground.
+        downhill_rad: direction on the floor; None: of the draw.
     """
 
     def __init__(

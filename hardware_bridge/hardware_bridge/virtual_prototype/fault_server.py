@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a virtual prototype says who it is, and is told to fail (see `virtual_port` and `fault_injection`)."""
+"""Where a virtual prototype says who it is, and is told to fail (see `prototype_client`)."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ class Faults:
     """What is wrong with the robot now. All times are robot time in [s]; nothing here waits.
 
     Args:
-        identity: What is said to who asks: instance, device, time scale and board of a `virtual_port.Handshake`.
+        identity: what is said to who asks: instance, device, time scale and board of a `handshake.Handshake`.
 
     Attributes:
-        to_board, from_board: The two ways of the line.
+        to_board, from_board: the two ways of the line.
     """
 
     def __init__(self, path: Path, port: PseudoPort, board: EmulatedBoard, identity: Mapping[str, object]) -> None:
@@ -67,7 +67,8 @@ class Faults:
         """Targets of six struts, with those that are stuck where they were last sent. NaN: no pulse.
 
         Args:
-            lengths_m: Targets of the last time.
+            targets_m: targets now, in [m], NaN: no pulse. Shape (6,).
+            lengths_m: targets of the last time, in [m]. Shape (6,).
         """
         for index in self._stalling:
             if not np.isnan(lengths_m[index]):

@@ -18,11 +18,11 @@ class ActuatedBody(SimulatedBody):
     body and ropes are those of the same seed with ideal actuators.
 
     Args:
-        face: It rests on.
-        perturbation: Scale of its perturbation, 0.05 for 5 %.
-        seed: Of the draws.
-        parameters: Of the actuators.
-        incline_deg, downhill_rad: See `SimulatedBody`.
+        face: it rests on.
+        perturbation: scale of its perturbation, 0.05 for 5 %.
+        seed: of the draws.
+        parameters: of the actuators.
+        incline_deg, downhill_rad: see `SimulatedBody`.
     """
 
     def __init__(

@@ -46,14 +46,14 @@ class VirtualPrototype:
     that are taken late do: the computer had no time for this process; observations tell (`late_s`).
 
     Args:
-        link: Where the pty is linked; see `virtual_port` for the files beside it.
-        body: What the outputs drive.
-        calibration: The prototype's own, true one.
-        board: What takes the bytes; an LSC board by default.
-        time_scale: Robot seconds per second.
+        link: where the pty is linked; see `prototype_client.handshake` for the files beside it.
+        body: what the outputs drive.
+        calibration: the prototype's own, true one.
+        board: what takes the bytes; an LSC board by default.
+        time_scale: robot seconds per second.
 
     Raises:
-        PrototypeError: The link is taken, or cannot be made.
+        PrototypeError: the link is taken, or cannot be made.
     """
 
     def __init__(

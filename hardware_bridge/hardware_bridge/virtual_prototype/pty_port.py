@@ -22,8 +22,8 @@ class PseudoPort:
     """A raw pty whose other end is linked at `link`.
 
     Attributes:
-        link: The link.
-        device: What it points to.
+        link: the link.
+        device: what it points to.
     """
 
     def __init__(self, link: Path) -> None:
@@ -44,7 +44,7 @@ class PseudoPort:
         temporary = link.with_name(f"{link.name}.{os.getpid()}.tmp")
         temporary.unlink(missing_ok=True)
         temporary.symlink_to(self.device)
-        os.replace(temporary, link)
+        temporary.replace(link)
 
     def fileno(self) -> int:
         """Readable when bytes have come."""
@@ -74,7 +74,7 @@ class PseudoPort:
 
     def close(self) -> None:
         """Removes the link, if it is still ours, and ends the line."""
-        if self.link.is_symlink() and os.readlink(self.link) == self.device:
+        if self.link.is_symlink() and str(self.link.readlink()) == self.device:
             self.link.unlink()
         os.close(self._near)
         os.close(self._far)

@@ -126,9 +126,12 @@ def step(
     """The actuators after `dt_s`; changes nothing that it is given.
 
     Args:
+        parameters: of all six actuators.
+        before: the actuators now.
         commanded_m: lengths asked for, (6,); NaN: no pulse, so the motor is off.
         forces_n: axial forces of the struts, tension positive, (6,).
         mid_m: length at mid stroke, a number or (6,).
+        dt_s: how long, in [s].
         strength: each actuator's own factor on speed, stall and back-drive force, a number or (6,).
     """
     keep = math.exp(-dt_s / parameters.load_time_s)

@@ -2,9 +2,8 @@
 """Where compiled kernels are kept between processes.
 
 numba looks only at the file of the cached function itself: after a change of a function that it calls in another file it
-would go on using the
-old code. So the folder's name holds a hash of every source of this package. It lies beside the sources if that is writable,
-else in the user's cache.
+would go on using the old code. So the folder's name holds a hash of every source of this package. It lies beside the sources if
+that is writable, else in the user's cache.
 
 Whoever compiles takes `njit` from here, so that the folder is set before; what compiles nothing needs no numba at all.
 """
@@ -13,11 +12,36 @@ from __future__ import annotations
 
 import hashlib
 import os
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar
 
 import numba
-from numba import njit as njit
+
+if TYPE_CHECKING:  # numba has no types: say what its decorator keeps of a function
+    P = ParamSpec("P")
+    Result_co = TypeVar("Result_co", covariant=True)
+
+    class Compiled(Protocol[P, Result_co]):
+        """A compiled function, and the Python function that it was made from."""
+
+        @property
+        def py_func(self) -> Callable[P, Result_co]:
+            """The function, not compiled."""
+
+        def __call__(self, *args: P.args, **kwargs: P.kwargs) -> Result_co:
+            """Call the compiled function."""
+
+    class Compiler(Protocol):
+        """A decorator that compiles."""
+
+        def __call__(self, function: Callable[P, Result_co]) -> Compiled[P, Result_co]:
+            """Compile a function at its first call."""
+
+    def njit(*, cache: bool = False, nogil: bool = False, error_model: str = "python") -> Compiler:
+        """`numba.njit`, with the options used here."""
+else:
+    from numba import njit  # noqa: F401 (whoever compiles takes it from here)
 
 
 def sources_hash(*patterns: str) -> str:
@@ -31,8 +55,10 @@ def sources_hash(*patterns: str) -> str:
 
 
 def use_own_folder() -> Path:
-    """Point numba at the folder for exactly these sources; must run before anything is compiled. A folder given by the user
-    (NUMBA_CACHE_DIR) is the parent then."""
+    """Point numba at the folder for exactly these sources; must run before anything is compiled.
+
+    A folder given by the user (NUMBA_CACHE_DIR) is the parent then.
+    """
     package = Path(__file__).parent.parent
     given = os.environ.get("NUMBA_CACHE_DIR")
     if given:

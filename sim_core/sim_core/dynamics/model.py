@@ -17,7 +17,7 @@ from sim_core.structure.arrays import Array
 from sim_core.structure.elements import IMPROVED, KINDS, Elements, elements_of, previous_elements_of
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.rotations import norm, rotated
-from sim_core.structure.topology import TENDONS
+from sim_core.structure.topology import JOINTS, TENDONS
 
 STEP_MARGIN = 0.97
 """A time step above this share of the stability limit is refused."""
@@ -44,10 +44,12 @@ class Model:
 
     @property
     def steps_per_second(self) -> int:
+        """Steps per second of simulated time."""
         return self.elements.steps_per_second
 
     @property
     def dt_s(self) -> float:
+        """The time step, s."""
         return 1.0 / self.elements.steps_per_second
 
     @property
@@ -62,10 +64,12 @@ class Model:
 
     @cached_property
     def hash(self) -> str:
+        """Identifies the elements, and so the model."""
         return self.elements.hash
 
     @cached_property
     def layout(self) -> k.Layout:
+        """First row of each table of the kernel's columns."""
         return k.Layout(*k.layout.py_func(self.assembly.particles, len(self.assembly.beams), len(self.assembly.cables)))
 
     def rest_lengths(self, commanded_m: Array) -> Array:
@@ -81,8 +85,8 @@ def build_model(
     """Check the elements (default: those of the prototype, for the paper's improved or previous model) and make the model.
 
     Raises:
-        ModelError: a mass, stiffness or point that is not finite or not positive, a cable to a missing particle,
-            a slack self-stress (which `allow_slack` permits, for bodies that are no tensegrity).
+        ModelError: a mass, stiffness or point that is not finite or not positive, a cable to a missing particle, a slack
+            self-stress (which `allow_slack` permits, for bodies that are no tensegrity).
         UnstableStepError: the time step is beyond the model's limit; names both.
     """
     if kind not in KINDS:
@@ -174,7 +178,7 @@ def _assembly(e: Elements) -> tuple[k.Assembly, NDArray[np.intp]]:
         starts.astype(np.int32),
         particles,
         bool((e.inertia_kg_m2 == e.inertia_kg_m2[:, :1]).all()),
-        bool((points[ends < k.JOINTS][:, 0] == 0.0).all() and (ends[:, 1] < k.JOINTS).all()),
+        bool((points[ends < JOINTS][:, 0] == 0.0).all() and (ends[:, 1] < JOINTS).all()),
         body,
     )
     return assembly, order

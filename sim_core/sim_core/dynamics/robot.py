@@ -25,7 +25,7 @@ from sim_core.structure.rotations import (
     turn_onto,
     unit,
 )
-from sim_core.structure.topology import FACES, NODES, require_face
+from sim_core.structure.topology import FACES, JOINTS, NODES, POINTS_PER_JOINT, require_face
 
 SETTLE_S = 3.0
 SETTLE_ZETA_1_S = 40.0
@@ -57,6 +57,9 @@ class Robot:
         """A robot settled on a face at neutral lengths, its centre of mass above `center_m`.
 
         Args:
+            model: the robot's model.
+            face: its name, such as TC6.
+            center_m: (x, y) of the centre of mass, in [m].
             yaw_rad: turn about the vertical, from the smallest turn that puts the face down.
 
         Raises:
@@ -81,8 +84,10 @@ class Robot:
         return robot
 
     def take_settled(self, state: Array, work: Array, center_m: tuple[float, float] = (0.0, 0.0)) -> None:
-        """Take on the rows of a robot that was settled with heavy damping: stop all motion (friction keeps its hold) and put the
-        centre of mass above `center_m`."""
+        """Take on the rows of a robot that was settled with heavy damping.
+
+        Stops all motion (friction keeps its hold) and puts the centre of mass above `center_m`.
+        """
         self._state[:], self._work[:] = state, work
         self._require_finite()
         self._particles[:, k.V : k.V + 3] = 0.0
@@ -153,11 +158,11 @@ class Robot:
 
     def joints_m(self) -> Array:
         """Positions of the twelve joints, (12, 3)."""
-        return self._particles[: k.JOINTS, k.X : k.X + 3].copy()
+        return self._particles[:JOINTS, k.X : k.X + 3].copy()
 
     def joint_speeds_m_s(self) -> Array:
         """Speeds of the twelve joints, (12,)."""
-        return norm(self._particles[: k.JOINTS, k.V : k.V + 3])
+        return norm(self._particles[:JOINTS, k.V : k.V + 3])
 
     def box_m(self) -> Array:
         """Position of the control box, (3,)."""
@@ -166,7 +171,7 @@ class Robot:
     def quaternions(self) -> Array:
         """Orientations (w, x, y, z) of the twelve joints and the box, (13, 4)."""
         rows = self._particles[:, k.Q : k.Q + 4]
-        return np.concatenate([rows[: k.JOINTS], rows[-1:]])
+        return np.concatenate([rows[:JOINTS], rows[-1:]])
 
     def frames(self) -> Array:
         """Rotation matrices of every particle, (P, 3, 3)."""
@@ -183,8 +188,8 @@ class Robot:
 
     def contact_points_m(self) -> Array:
         """Positions of the sixty contact points, (60, 3)."""
-        frames = matrix_of(self._particles[: k.JOINTS, k.Q : k.Q + 4])
-        points = self.model.elements.contact_point_m.reshape(k.JOINTS, k.POINTS_PER_JOINT, 3)
+        frames = matrix_of(self._particles[:JOINTS, k.Q : k.Q + 4])
+        points = self.model.elements.contact_point_m.reshape(JOINTS, POINTS_PER_JOINT, 3)
         return (self.joints_m()[:, None, :] + rotated(frames[:, None], points)).reshape(-1, 3)
 
     def center_of_mass_m(self) -> Array:
@@ -211,7 +216,7 @@ class Robot:
 
     def ground_forces_n(self) -> Array:
         """Normal force of the ground on each joint at the last step, (12,)."""
-        return self._work.reshape(-1, k.WORK_ROWS)[: k.JOINTS, k.NORMAL].copy()
+        return self._work.reshape(-1, k.WORK_ROWS)[:JOINTS, k.NORMAL].copy()
 
     def cable_forces_n(self) -> Array:
         """Tension of the 24 tendons and the 24 box ropes in the present shape, (48,)."""

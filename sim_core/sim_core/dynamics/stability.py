@@ -11,6 +11,7 @@ from sim_core.dynamics import vfife as k
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import Elements
 from sim_core.structure.rotations import quaternion_of
+from sim_core.structure.topology import POINTS_PER_JOINT
 
 NO_GROUND = -1e9
 """As the kernel's `reach`: no joint is low enough to touch."""
@@ -49,14 +50,16 @@ def ground_stiffness(e: Elements, frames: Array, points: Iterable[int]) -> Array
     """Stiffness of closed, sticking contacts at the given contact points, (6P, 6P).
 
     Args:
+        e: the robot's elements.
         frames: (P, 3, 3) rotation matrices.
+        points: indices of the contact points.
     """
     particles = len(e.mass_kg)
     total = np.zeros((6 * particles, 6 * particles))
     normal, tangential = e.ground_stiffness_n_m
     springs = np.diag([tangential, tangential, normal])
     for point in points:
-        joint = point // k.POINTS_PER_JOINT
+        joint = point // POINTS_PER_JOINT
         r = frames[joint] @ e.contact_point_m[point]
         lever = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
         jacobian = np.hstack([np.eye(3), lever])

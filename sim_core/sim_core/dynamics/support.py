@@ -51,7 +51,7 @@ class Footing(NamedTuple):
 
 
 @njit(cache=True)
-def center_of_mass(state, mass, out):
+def center_of_mass(state: Array, mass: Array, out: Array) -> None:
     """Write the centre of mass into `out` (3,)."""
     total = 0.0
     out[0], out[1], out[2] = 0.0, 0.0, 0.0
@@ -64,7 +64,9 @@ def center_of_mass(state, mass, out):
 
 
 @njit(cache=True)
-def base(joints, center, ground_force, carry, down, face_of_joints):
+def base(
+    joints: Array, center: Array, ground_force: Array, carry: float, down: Array, face_of_joints: NDArray[np.int8]
+) -> tuple[int, int, float]:
     """Bit mask of the joints that carry, the base face's number (−1: none), and the margin (NaN unless three carry)."""
     bits, count = 0, 0
     corner = np.empty(3, np.int64)
@@ -89,14 +91,16 @@ def base(joints, center, ground_force, carry, down, face_of_joints):
         sign * _off_line(bx, by, cx, cy, x, y),
         sign * _off_line(cx, cy, ax, ay, x, y),
     )
-    face = face_of_joints[bits] if margin >= 0.0 else -1
+    face = int(face_of_joints[bits]) if margin >= 0.0 else -1
     return bits, face, margin
 
 
 @njit(cache=True)
-def past_edges(joints, center, down, corners, most):
-    """Raise `most` (3,): how far the centre of mass, projected along gravity, is outside each edge of the triangle of joints
-    `corners` (negative: inside)."""
+def past_edges(joints: Array, center: Array, down: Array, corners: NDArray[np.int64], most: Array) -> None:
+    """Raise `most` (3,): how far the centre of mass, projected along gravity, is outside each edge of a triangle.
+
+    `corners` are the triangle's joints; negative: inside.
+    """
     x = center[0] - down[0] * center[2] / down[2]
     y = center[1] - down[1] * center[2] / down[2]
     a, b, c = joints[corners[0]], joints[corners[1]], joints[corners[2]]
@@ -108,10 +112,10 @@ def past_edges(joints, center, down, corners, most):
 
 
 @njit(cache=True)
-def _off_line(ax, ay, bx, by, x, y):
+def _off_line(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> float:
     """Signed distance of a point from the line a → b, positive on its left."""
     ex, ey = bx - ax, by - ay
-    return (ex * (y - ay) - ey * (x - ax)) / np.sqrt(ex * ex + ey * ey)
+    return (ex * (y - ay) - ey * (x - ax)) / float(np.sqrt(ex * ex + ey * ey))
 
 
 def footing_of(bits: int, face: int, margin_m: float) -> Footing:
@@ -133,7 +137,9 @@ def judge_footing(joints_m: Array, center_of_mass_m: Array, ground_force_n: Arra
     """The base face: the three joints that carry the weight, with the centre of mass's projection inside their triangle.
 
     Args:
-        joints_m: (12, 3). center_of_mass_m: (3,). ground_force_n: (12,) normal force per joint.
+        joints_m: (12, 3).
+        center_of_mass_m: (3,).
+        ground_force_n: (12,) normal force per joint.
         carry_n: a joint that carries more than this touches the ground.
         down: (3,) direction of gravity.
     """
@@ -141,7 +147,7 @@ def judge_footing(joints_m: Array, center_of_mass_m: Array, ground_force_n: Arra
 
 
 @njit(cache=True)
-def _segment_gap(p, d1, q, d2):
+def _segment_gap(p: Array, d1: Array, q: Array, d2: Array) -> float:
     """Distance between segments p + s d1 and q + t d2, s and t in [0, 1] (closest points, clamped)."""
     a = d1[0] * d1[0] + d1[1] * d1[1] + d1[2] * d1[2]
     e = d2[0] * d2[0] + d2[1] * d2[1] + d2[2] * d2[2]
@@ -157,11 +163,11 @@ def _segment_gap(p, d1, q, d2):
     elif t > 1.0:
         t, s = 1.0, min(max((b - c) / a, 0.0), 1.0)
     gx, gy, gz = rx + s * d1[0] - t * d2[0], ry + s * d1[1] - t * d2[1], rz + s * d1[2] - t * d2[2]
-    return np.sqrt(gx * gx + gy * gy + gz * gz)
+    return float(np.sqrt(gx * gx + gy * gy + gz * gz))
 
 
 @njit(cache=True)
-def clearance(joints, box, ends, strut_diameter, box_radius):
+def clearance(joints: Array, box: Array, ends: NDArray[np.int32], strut_diameter: float, box_radius: float) -> float:
     """Smallest gap between surfaces of two struts, or of a strut and the box (a sphere). Struts are straight cylinders."""
     between, to_box = np.inf, np.inf
     axes = np.empty((6, 3))

@@ -3,7 +3,7 @@
 
 One robot is three flat columns of rows, cut up by `Layout`: `state` (changes), `par` (its own masses, ropes, strut speeds,
 ground and gravity) and the `body` of its `Assembly` (where things are tied, section stiffnesses, inertias). A row is one robot's
-number or eight robots' (see `lanes`); eight robots of the same body share one column of it. A step is
+number or eight robots' (see `simd`); eight robots of the same body share one column of it. A step is
 
 1. struts drive their rest lengths towards their targets at constant speed,
 2. forces: beams, cables, contacts, gravity,
@@ -12,9 +12,9 @@ number or eight robots' (see `lanes`); eight robots of the same body share one c
 Formulas (symbols as in docs/model.md):
 
 * beam: elastic potential U = EA/2l0 (l − l0)² + EI/l0 · 2(θ1·θ1 + θ1·θ2 + θ2·θ2) + GJ/2l0 φ² with θi = e × aᵢ, the small
-  rotation from the chord e
-  to the end's axis aᵢ, and φ the twist; forces and moments are its exact derivatives, so a free body keeps energy, momentum and
-  angular momentum. To first order they are mᵢ = (EI/l0)(4θᵢ + 2θⱼ) ± (GJ/l0) φ e and f₂ = N e + e × (m₁ + m₂)/l.
+  rotation from the chord e to the end's axis aᵢ, and φ the twist; forces and moments are its exact derivatives, so a free body
+  keeps energy, momentum and angular momentum. To first order they are mᵢ = (EI/l0)(4θᵢ + 2θⱼ) ± (GJ/l0) φ e and
+  f₂ = N e + e × (m₁ + m₂)/l.
 * cable: max(0, k (l − l0)) between slave points of two rigid bodies.
 * contact: N = max(0, k_n δ − c_n v_n); a tangential spring-damper sticks while |F_t| ≤ μ_s N, then slides with μ_k N until the
   spring-damper's own force falls below that.
@@ -31,6 +31,7 @@ from numpy.typing import NDArray
 
 from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.simd import add_to, any_of, larger, load, root, select, smaller, store
+from sim_core.structure.arrays import Array
 from sim_core.structure.topology import JOINTS, POINTS_PER_JOINT
 
 # Rows of one particle in `state`: position, half-step velocity, orientation quaternion (w x y z), half-step spatial spin.
@@ -82,7 +83,7 @@ class Assembly(NamedTuple):
     particles: int
     isotropic: bool
     flat: bool
-    body: NDArray[np.float64]
+    body: Array
 
 
 class Layout(NamedTuple):
@@ -103,7 +104,7 @@ class Layout(NamedTuple):
 
 
 @_compiled
-def layout(particles, n_beams, n_cables):
+def layout(particles: int, n_beams: int, n_cables: int) -> Layout:
     """Layout for the given counts (six struts, sixty contact points)."""
     struts = particles * PARTICLE_ROWS
     contacts = struts + 6 * STRUT_ROWS
@@ -371,10 +372,15 @@ def _drive(state, par, struts, par_struts):
 
 
 @_compiled
-def forces(state, par, work, assembly, dt, reach):
+def forces(state: Array, par: Array, work: Array, assembly: Assembly, dt: float, reach: float) -> None:
     """Write rotation matrices, forces and moments of every particle into `work`; update friction and axial forces in `state`.
 
     Args:
+        state: rows of one robot or of eight, see the module.
+        par: the same.
+        work: the same; written.
+        assembly: which particles each element joins.
+        dt: time step (s).
         reach: no contact point of a joint is farther than this from the joint (m); joints higher than it are skipped.
     """
     beams, cables, starts, particles, isotropic, flat, body = assembly
@@ -412,7 +418,7 @@ def _forces(state, par, body, work, beams, cables, starts, particles, isotropic,
 
 
 @_compiled
-def integrate(state, par, work, assembly, dt, zeta):
+def integrate(state: Array, par: Array, work: Array, assembly: Assembly, dt: float, zeta: float) -> None:
     """Half-step velocities and spins from the forces, then positions and orientations (central difference, leapfrog form)."""
     _integrate(state, par, assembly.body, work, assembly.particles, assembly.isotropic, dt, zeta)
 
@@ -446,7 +452,9 @@ def _integrate(state, par, body, work, particles, isotropic, dt, zeta):
 
 
 @_compiled
-def turned(qw, qx, qy, qz, wx, wy, wz, half):
+def turned(
+    qw: float, qx: float, qy: float, qz: float, wx: float, wy: float, wz: float, half: float
+) -> tuple[float, float, float, float]:
     """The quaternion turned by the spatial angular velocity for 2·half seconds: Cayley map, normalised."""
     ax, ay, az = half * wx, half * wy, half * wz
     nw = qw - ax * qx - ay * qy - az * qz
@@ -458,7 +466,7 @@ def turned(qw, qx, qy, qz, wx, wy, wz, half):
 
 
 @_compiled
-def advance(state, par, work, assembly, dt, zeta, reach, steps):
+def advance(state: Array, par: Array, work: Array, assembly: Assembly, dt: float, zeta: float, reach: float, steps: int) -> None:
     """Take `steps` steps of `dt` seconds in place."""
     beams, cables, starts, particles, isotropic, flat, body = assembly
     lay = layout(particles, beams.shape[0], cables.shape[0])

@@ -19,6 +19,7 @@ from sim_core.dynamics.stability import ground_stiffness, mass_diagonal, stiffne
 from sim_core.errors import ModelError
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
+from sim_core.structure.topology import JOINTS, POINTS_PER_JOINT
 
 REFERENCE_FACE = "TC6"
 
@@ -27,7 +28,8 @@ class Modes(NamedTuple):
     """Natural modes, lowest first.
 
     Attributes:
-        frequency_hz: (6P,). shape: (6P, 6P), columns: displacement and rotation of each particle, mass-normalised.
+        frequency_hz: (6P,).
+        shape: (6P, 6P), columns: displacement and rotation of each particle, mass-normalised.
     """
 
     frequency_hz: Array
@@ -62,7 +64,7 @@ def _add_turning_of_arms(total: Array, robot: Robot, frames: Array, touching: It
     height = robot.contact_points_m()[:, 2]
     normal, tangential = e.ground_stiffness_n_m
     for point in touching:
-        joint = point // k.POINTS_PER_JOINT
+        joint = point // POINTS_PER_JOINT
         arm = frames[joint] @ e.contact_point_m[point]
         force = np.append(-tangential * stretch[point], -normal * height[point])
         turn = slice(6 * joint + 3, 6 * joint + 6)
@@ -75,14 +77,17 @@ def first_frequency_hz(model: Model) -> float:
 
 
 def vibrated_frequency_hz(model: Model, seconds: float = 40.0, amplitude_m: float = 2e-5) -> float:
-    """The same frequency from a simulated free vibration: the robot is set moving in its first mode, without mass damping, and the
-    largest peak of the spectrum is read (Blackman–Harris window, parabola through the logarithm of the peak)."""
+    """The same frequency from a simulated free vibration.
+
+    The robot is set moving in its first mode, without mass damping, and the largest peak of the spectrum is read (Blackman–Harris
+    window, parabola through the logarithm of the peak).
+    """
     prototype = replace(model.prototype, mass_damping_ratio=0.0)
     free = build_model(prototype, replace(model.elements, zeta_1_s=0.0))
     robot = Robot.resting_on(free, REFERENCE_FACE)
     modes = resting_modes(robot)
     shape = modes.shape[:, 0].reshape(-1, 6)
-    node = int(np.argmax(np.abs(shape[: k.JOINTS, :3]).max(axis=1)))
+    node = int(np.argmax(np.abs(shape[:JOINTS, :3]).max(axis=1)))
     axis = int(np.argmax(np.abs(shape[node, :3])))
     robot.push(shape[:, :3] * (2.0 * np.pi * modes.frequency_hz[0] * amplitude_m / np.abs(shape[:, :3]).max()))
     every = free.steps_per_second // 100
@@ -99,8 +104,9 @@ def vibrated_frequency_hz(model: Model, seconds: float = 40.0, amplitude_m: floa
 
 
 def calibrated(prototype: Prototype, frequency_hz: float) -> Prototype:
-    """The prototype with the stiffness of all ropes scaled, stretch kept and so the prestress scaled alike, until its first
-    frequency is the wanted one, which also sets the mass damping.
+    """The prototype with the stiffness of all ropes scaled until its first frequency is the wanted one.
+
+    The ropes' stretch is kept, so the prestress scales alike. The frequency also sets the mass damping.
 
     Raises:
         ModelError: no stiffness within a factor of thirty gives that frequency.

@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, NoReturn
 
 import yaml
 
@@ -36,7 +36,8 @@ def read_yaml(path: Path | str) -> Any:
     """The document in a file: mappings with text keys, lists, text, whole numbers, floats (NaN too), truth values and None.
 
     Raises:
-        YamlError: one line with file, line, what is wrong and what to do. OSError: it cannot be read.
+        YamlError: one line with file, line, what is wrong and what to do.
+        OSError: it cannot be read.
     """
     try:
         data = read_bytes(path)
@@ -116,7 +117,7 @@ class _Document:
                         self._refuse(event, "a second document (---)", "keep one document in a file")
         return self._root
 
-    def _refuse(self, event: Any, problem: str, remedy: str) -> None:
+    def _refuse(self, event: Any, problem: str, remedy: str) -> NoReturn:
         raise YamlError(self._where, problem, remedy, event.start_mark.line + 1)
 
     def _check(self, event: Any) -> None:
@@ -135,7 +136,7 @@ class _Document:
         value: Any = {} if mapping else []
         if self._open and self._open[-1].lines is not None and self._keys[-1] is _NO_KEY:
             self._refuse(event, "a key that is a mapping or a list", "valid keys are text")
-        self._add(event, value)
+        self._add(value)
         self._open.append(_Open(value, {} if mapping else None))
         self._keys.append(_NO_KEY)
 
@@ -143,7 +144,7 @@ class _Document:
         if self._open and self._open[-1].lines is not None and self._keys[-1] is _NO_KEY:
             self._key(event)
         else:
-            self._add(event, self._value(event))
+            self._add(self._value(event))
 
     def _key(self, event: Any) -> None:
         lines, key = self._open[-1].lines, event.value
@@ -155,7 +156,7 @@ class _Document:
         lines[key] = event.start_mark.line + 1
         self._keys[-1] = key
 
-    def _add(self, event: Any, value: Any) -> None:
+    def _add(self, value: Any) -> None:
         if not self._open:
             self._root = value
             return
@@ -166,7 +167,7 @@ class _Document:
             collection[self._keys[-1]] = value
             self._keys[-1] = _NO_KEY
 
-    def _value(self, event: Any) -> Any:
+    def _value(self, event: Any) -> Any:  # noqa: PLR0911 (one row a kind)
         text = event.value
         if not event.implicit[0]:  # quoted, or a block: text whatever it looks like
             return text
@@ -183,6 +184,10 @@ class _Document:
             return int(text, 16 if "x" in text else 10)
         if kind == "float" and _FLOAT.fullmatch(text):
             return float(text.lstrip("+").replace(".i", "i").replace(".I", "i").replace(".n", "n").replace(".N", "n"))
+        return self._refuse_plain(event, text, kind)
+
+    def _refuse_plain(self, event: Any, text: str, kind: str) -> NoReturn:
+        """Plain text that another reader may take for something else."""
         remedy = "write it in quotes if it is text"
         match kind:
             case "bool":

@@ -29,7 +29,8 @@ class Climbs:
     """What was measured of a library's primitives on the nominal robot.
 
     Attributes:
-        library_hash: whose primitives these are. how: robot and actuators, in words.
+        library_hash: whose primitives these are.
+        how: robot and actuators, in words.
         steepest_deg: primitive name -> the steepest ground that it climbed straight uphill, to rest there; 0: not even level.
     """
 

@@ -51,6 +51,7 @@ class Gait:
 
     @property
     def name(self) -> str:
+        """Primitive and faces, for people."""
         return f"{self.primitive.name} {self.source}→{self.target}"
 
 
@@ -59,7 +60,9 @@ class Library:
     """Primitives that belong together, with how they were found.
 
     Attributes:
-        name: e.g. "robust". model_hash: of the model they were found with. provenance: how they were found.
+        name: e.g. "robust".
+        model_hash: of the model they were found with.
+        provenance: how they were found.
     """
 
     name: str

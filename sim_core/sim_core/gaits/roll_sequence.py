@@ -120,8 +120,8 @@ class RollSequence:
     """One roll.
 
     Args:
-        rules: See `Rules`.
-        plan_from: Makes the plan when the face to start from is known; raises RollRefused.
+        rules: see `Rules`.
+        plan_from: makes the plan when the face to start from is known; raises RollRefused.
     """
 
     rules: Rules

@@ -23,8 +23,10 @@ class Odds:
     """Successes of trials, gait by gait.
 
     Attributes:
-        library_hash: whose gaits these are. how: law, seed and number of the prototypes, in words.
-        trials: of each gait. wins: primitive name -> 24 successes, in the order of `rolls_of` its class.
+        library_hash: whose gaits these are.
+        how: law, seed and number of the prototypes, in words.
+        trials: of each gait.
+        wins: primitive name -> 24 successes, in the order of `rolls_of` its class.
     """
 
     library_hash: str

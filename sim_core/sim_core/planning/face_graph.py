@@ -38,8 +38,9 @@ class Route(NamedTuple):
     """A sequence of rolls.
 
     Attributes:
-        faces: from the first to the last. choices: the most reliable gait of each roll. odds: that all of them work at first try,
-            taken as independent.
+        faces: from the first to the last.
+        choices: the most reliable gait of each roll.
+        odds: that all of them work at first try, taken as independent.
     """
 
     faces: tuple[str, ...]

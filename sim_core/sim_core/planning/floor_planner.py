@@ -43,8 +43,9 @@ class Stance(NamedTuple):
     """Where the robot stands.
 
     Attributes:
-        face: it rests on. x_m, y_m: its nodes' centre on the floor. yaw_rad: turn about the vertical from the attitude of
-            `Robot.resting_on(model, face)`.
+        face: it rests on.
+        x_m, y_m: its nodes' centre on the floor.
+        yaw_rad: turn about the vertical from the attitude of `Robot.resting_on(model, face)`.
     """
 
     face: str
@@ -61,8 +62,11 @@ class Way(NamedTuple):
     """Rolls to a goal.
 
     Attributes:
-        stances: from the first to the last. choices: the most reliable gait of each roll. odds: that all of them work at first
-            try, taken as independent. left_m: distance from the goal at the end. reaches: it is within what was asked for.
+        stances: from the first to the last.
+        choices: the most reliable gait of each roll.
+        odds: that all of them work at first try, taken as independent.
+        left_m: distance from the goal at the end.
+        reaches: it is within what was asked for.
     """
 
     stances: tuple[Stance, ...]
@@ -93,7 +97,7 @@ class Floor:
 
     def joints_m(self, stance: Stance) -> Array:
         """Where the twelve joints of a stance are above, (12, 2)."""
-        return _turned(self._joints[stance.face], stance.yaw_rad) + np.array((stance.x_m, stance.y_m))
+        return np.asarray(_turned(self._joints[stance.face], stance.yaw_rad) + np.array((stance.x_m, stance.y_m)))
 
     def rolled(self, stance: Stance, target: str) -> Stance:
         """The stance after a roll onto an adjacent face. Raises KeyError: it is not adjacent."""
@@ -129,7 +133,12 @@ class Floor:
         If no stance is that near within MOST_STANCES looked at, the way to the nearest one.
 
         Args:
-            lean: of the ground; see Lean. climbs_deg: how steep a gait climbs; uphill, one that climbs steeper is preferred.
+            start: where the robot stands.
+            goal_m: (x, y) on the floor, in [m].
+            graph: the gaits' graph of faces.
+            reach_m: how near is there, in [m].
+            lean: of the ground; see Lean.
+            climbs_deg: how steep a gait climbs; uphill, one that climbs steeper is preferred.
 
         Raises:
             LibraryError: the library has no gait from there.
@@ -245,7 +254,7 @@ def _heading(edge: Array) -> float:
 
 def _turned(points: Array, angle: float) -> Array:
     c, s = math.cos(angle), math.sin(angle)
-    return points @ np.array([[c, s], [-s, c]])
+    return np.asarray(points @ np.array([[c, s], [-s, c]]))
 
 
 def _turn(points: Array, seen: Array) -> float:

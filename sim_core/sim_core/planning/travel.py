@@ -30,7 +30,8 @@ class Rules(NamedTuple):
     """When a travel ends.
 
     Attributes:
-        reach_m: distance from the goal that counts as there. most_rolls: after which it is given up.
+        reach_m: distance from the goal that counts as there.
+        most_rolls: after which it is given up.
         use_odds: gaits differ in reliability, and what misses here is believed less; False: they are all alike, for comparison.
     """
 
@@ -67,8 +68,12 @@ class Journey:
     """One travel.
 
     Attributes:
-        rolls: made. missed: of these, how many ended elsewhere. refused: steps that the planner found too unlikely.
-        faces: rested on, the first one first. path_m: from rest to rest. straight_m: from the goal at the beginning.
+        rolls: made.
+        missed: of these, how many ended elsewhere.
+        refused: steps that the planner found too unlikely.
+        faces: rested on, the first one first.
+        path_m: from rest to rest.
+        straight_m: from the goal at the beginning.
     """
 
     def __init__(self, floor: Floor, library: Library, odds: Odds | None, goal_m: tuple[float, float], rules: Rules):

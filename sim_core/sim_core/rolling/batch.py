@@ -14,12 +14,14 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
 from sim_core.dynamics.simd import ALIGNMENT, WIDTH
+from sim_core.dynamics.support import center_of_mass
 from sim_core.errors import ModelError
 from sim_core.rolling import quasi_static as q
 from sim_core.rolling import roll_monitor as w
@@ -52,8 +54,15 @@ class Shared(NamedTuple):
 
 
 class Robots(NamedTuple):
-    """What differs from model to model: kernel rows (m, rows), bodies (m, rows; (0, rows) if all models have the same), masses
-    (m, P), carrying force (m,), down (m, 3)."""
+    """What differs from model to model.
+
+    Attributes:
+        par: kernel rows, (m, rows).
+        body: bodies, (m, rows); (0, rows) if all models have the same.
+        mass: masses of the particles, (m, P).
+        carry: force above which a joint carries, (m,).
+        down: direction of gravity, (m, 3).
+    """
 
     par: Array
     body: Array
@@ -70,7 +79,23 @@ def aligned_rows(rows: int) -> Array:
 
 
 @njit(nogil=True, cache=True)
-def _run(state, par, work, track, assembly, shared, rules, robots, starts, jobs, neutral, targets, records, peaks, centers):
+def _run(  # noqa: C901, PLR0912 (all that happens to a lane, in one compiled loop)
+    state: Array,
+    par: Array,
+    work: Array,
+    track: Array,
+    assembly: k.Assembly,
+    shared: Shared,
+    rules: w.Rules,
+    robots: Robots,
+    starts: Array,
+    jobs: NDArray[np.int64],
+    neutral: Array,
+    targets: Array,
+    records: Array,
+    peaks: Array,
+    centers: Array,
+) -> None:
     """Run jobs (model, start, source face, aim) one after the other through eight lanes."""
     job_of_lane = np.full(WIDTH, -1)
     running = jobs.shape[0] - jobs.shape[0]  # a variable zero: a literal one would have `_load` compiled twice
@@ -103,7 +128,7 @@ def _run(state, par, work, track, assembly, shared, rules, robots, starts, jobs,
                 continue
             for s in range(6):
                 peaks[job, s] = state[shared.struts + s * k.STRUT_ROWS + k.PEAK, lane]
-            w.center_of_mass(state[:, lane], own.mass, centers[job])
+            center_of_mass(state[:, lane], own.mass, centers[job])
             if following < jobs.shape[0]:
                 _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
                 for row in range(track.shape[0]):
@@ -116,14 +141,14 @@ def _run(state, par, work, track, assembly, shared, rules, robots, starts, jobs,
 
 
 @njit(cache=True)
-def _copy(source, to):
-    """Copy a column. (A slice assignment compiles ten times as long: it has messages about shapes.)"""
+def _copy(source: Array, to: Array) -> None:
+    """Copy a column: a slice assignment compiles ten times as long, for its messages about shapes."""
     for row in range(to.shape[0]):
         to[row] = source[row]
 
 
 @njit(cache=True)
-def _own(rules, robots, model):
+def _own(rules: w.Rules, robots: Robots, model: int) -> w.Rules:
     """The rules with one robot's own numbers."""
     return w.Rules(
         robots.mass[model],
@@ -142,7 +167,22 @@ def _own(rules, robots, model):
 
 
 @njit(cache=True)
-def _load(state, par, work, assembly, lane, job, shared, rules, robots, starts, jobs, neutral, targets, records):
+def _load(
+    state: Array,
+    par: Array,
+    work: Array,
+    assembly: k.Assembly,
+    lane: int,
+    job: int,
+    shared: Shared,
+    rules: w.Rules,
+    robots: Robots,
+    starts: Array,
+    jobs: NDArray[np.int64],
+    neutral: Array,
+    targets: Array,
+    records: Array,
+) -> None:
     """Put a job's robot, settled, into a lane."""
     model, start = jobs[job, 0], jobs[job, 1]
     rows = state.shape[0]
@@ -159,21 +199,21 @@ def _load(state, par, work, assembly, lane, job, shared, rules, robots, starts, 
 
 
 @njit(cache=True)
-def _put_body(body, lane, bodies, model):
+def _put_body(body: Array, lane: int, bodies: Array, model: int) -> None:
     """Put a model's body into a lane, where lanes have their own."""
     if body.ndim == 2:
         _copy(bodies[model], body[:, lane])
 
 
 @njit(cache=True)
-def _copy_body(body, lane):
+def _copy_body(body: Array, lane: int) -> None:
     """Put the first lane's body into another, where lanes have their own."""
     if body.ndim == 2:
         _copy(body[:, 0], body[:, lane])
 
 
 @njit(nogil=True, cache=True)
-def _settle(state, par, work, assembly, dt, zeta, reach, steps):
+def _settle(state: Array, par: Array, work: Array, assembly: k.Assembly, dt: float, zeta: float, reach: float, steps: int) -> None:
     k.advance(state, par, work, assembly, dt, zeta, reach, steps)
 
 
@@ -221,6 +261,7 @@ class Batch:
         """Run every job; results in the jobs' order.
 
         Args:
+            jobs: the rolls.
             report: called with (jobs done, total) now and then.
         """
         self.settle([(job.model, job.source) for job in jobs])

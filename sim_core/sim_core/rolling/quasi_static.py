@@ -2,10 +2,9 @@
 """The previous model's way through a roll: quasi-static steps, each relaxed with kinetic damping.
 
 Rest lengths change by at most INCREMENT_M at a time, all struts together, each stopping at its own target. After each change
-the
-robot is relaxed:
-undamped steps, all velocities set to zero whenever the kinetic energy passes a peak, until no joint feels a net force above
-the tolerance.
+the robot is relaxed: undamped steps, all velocities set to zero whenever the kinetic energy passes a peak, until no joint feels a
+net force above the tolerance.
+
 Compiled for one robot or eight lanes; velocities are reset lane by lane.
 """
 
@@ -17,6 +16,7 @@ from sim_core.dynamics import vfife as k
 from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.simd import larger, load, select, store
 from sim_core.rolling import roll_monitor as w
+from sim_core.structure.arrays import Array
 
 INCREMENT_M = 0.001
 RESIDUAL = 1e-4
@@ -32,7 +32,7 @@ ENERGY, NET_FORCE, MOVING, TRACK_ROWS = 0, 1, 2, 3
 
 
 @njit(cache=True)
-def relax(state, par, work, track, assembly, dt, reach, steps):
+def relax(state: Array, par: Array, work: Array, track: Array, assembly: k.Assembly, dt: float, reach: float, steps: int) -> None:
     """Take steps of kinetic damping in place; `track` (TRACK_ROWS rows) starts at zero."""
     particles = assembly.particles
     for _ in range(steps):
@@ -68,7 +68,7 @@ def relax(state, par, work, track, assembly, dt, reach, steps):
 
 
 @njit(cache=True)
-def step_lengths(state, struts):
+def step_lengths(state: Array, struts: int) -> bool:
     """Bring every rest length nearer to its target by at most INCREMENT_M; True if any moved."""
     moved = False
     for s in range(6):
@@ -84,11 +84,17 @@ def step_lengths(state, struts):
 
 
 @njit(cache=True)
-def look(state, work, track, record, rules, struts, tolerance):
+def look(state: Array, work: Array, track: Array, record: Array, rules: w.Rules, struts: int, tolerance: float) -> None:
     """One look at a relaxation that goes on: once it is over, change the lengths further, or go on to the return or to the end.
 
     Args:
-        track: this robot's. tolerance: of the net force, squared.
+        state: this robot's column.
+        work: this robot's column.
+        track: this robot's column.
+        record: the roll's course, see `roll_monitor`.
+        rules: what is judged by.
+        struts: first of the struts' rows in `state`.
+        tolerance: of the net force, squared.
     """
     record[w.SAMPLES] += 1
     record[w.WAITED] += 1

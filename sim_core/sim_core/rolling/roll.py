@@ -32,11 +32,13 @@ class RollResult:
         reason: why not, in one line; empty if feasible.
         faces: every face stood on, in order, from the first.
         actuated, returned: footing at rest after actuation and after the return (returned: None if not reached).
-        peak_force_n: largest strut force along the path. clearance_m: smallest gap between surfaces along the path.
+        peak_force_n: largest strut force along the path.
+        clearance_m: smallest gap between surfaces along the path.
         margin_m: smaller of the two margins of the centre of mass inside the base triangle at rest.
         past_edge_m: for each adjacent face, how far the centre of mass got past the edge towards it before the robot stood on
             another face; negative: so far it stayed inside.
-        duration_s: simulated time; of a quasi-static roll, the actuators' own. travel_m: (x, y) displacement of the centre of mass.
+        duration_s: simulated time; of a quasi-static roll, the actuators' own.
+        travel_m: (x, y) displacement of the centre of mass.
     """
 
     source: str
@@ -91,6 +93,9 @@ def roll(
     """Roll from `source` with a policy and judge whether it lands, and stays, on `target`.
 
     Args:
+        model: the robot's model.
+        source: the face it stands on.
+        target: the wanted face, a neighbour of it.
         policy: six strokes, whole mm, for this very pair (not for the reference pair).
         start: a robot resting on `source` at neutral lengths (changed in place); default: settled afresh.
         trace: filled with samples every 10 ms if given.
@@ -150,7 +155,7 @@ def samples_of(model: Model, seconds: float) -> int:
 
 
 def face_number(face: str) -> int:
-    """Number of a face in `footing.FACE_NAMES`."""
+    """Number of a face in `support.FACE_NAMES`."""
     return FACE_NAMES.index(face)
 
 

@@ -56,7 +56,7 @@ class Rules(NamedTuple):
 
 
 @njit(cache=True)
-def begin(state, work, record, rules, struts, source, aim, neutral):
+def begin(state: Array, work: Array, record: Array, rules: Rules, struts: int, source: int, aim: int, neutral: Array) -> None:
     """Start a record for the robot in `state`; `neutral` (6,) are the struts' own neutral lengths."""
     record[:] = 0.0
     record[PHASE] = ACTUATING
@@ -77,7 +77,7 @@ def begin(state, work, record, rules, struts, source, aim, neutral):
 
 
 @njit(cache=True)
-def see(state, work, record, rules):
+def see(state: Array, work: Array, record: Array, rules: Rules) -> tuple[int, int, float]:
     """Clearance and footing now, into the record; returns (bits, face, margin)."""
     joints, forces = np.empty((12, 3)), np.empty(12)
     for joint in range(12):
@@ -101,7 +101,7 @@ def see(state, work, record, rules):
 
 
 @njit(cache=True)
-def look(state, work, record, rules, struts):
+def look(state: Array, work: Array, record: Array, rules: Rules, struts: int) -> None:
     """One sample of a roll that is not over: update the record, and go on to the return or to the end when it is time."""
     record[SAMPLES] += 1
     finite = True
@@ -131,7 +131,7 @@ def look(state, work, record, rules, struts):
 
 
 @njit(cache=True)
-def end_of_phase(state, record, struts, bits, face, margin, at_rest):
+def end_of_phase(state: Array, record: Array, struts: int, bits: int, face: int, margin: float, at_rest: bool) -> None:
     """The robot has come to rest, or has not in time: keep its footing; go on to the return, or end."""
     returning = record[PHASE] == RETURNING
     place = RETURNED if returning else ACTUATED

@@ -23,7 +23,10 @@ class RollStepper:
         """The record begins now. Set the robot's targets after this, and before the first `step`.
 
         Args:
-            source, aim: numbers of the face it stands on and of the wanted one; aim −1: whatever it lands on.
+            robot: the robot that rolls; stepped in place.
+            rules: what is judged by.
+            source: number of the face it stands on.
+            aim: number of the wanted face; −1: whatever it lands on.
             tolerance: of a quasi-static step's net force, squared.
         """
         self.robot, self.record = robot, np.zeros(w.RECORD)

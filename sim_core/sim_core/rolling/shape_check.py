@@ -42,7 +42,8 @@ class ShapeLimits:
     """What a shape may ask of the structure.
 
     Attributes:
-        force_n: largest axial force of a strut, either way. slack: most tendons that may hang.
+        force_n: largest axial force of a strut, either way.
+        slack: most tendons that may hang.
         clearance_m: smallest gap between surfaces of struts, or of a strut and the box.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Compiles every kernel once, into numba's cache (see `compiled_cache`): `python -m sim_core.rolling.warm_up`.
+"""Compiles every kernel once, into numba's cache (see `dynamics.jit_cache`): `python -m sim_core.rolling.warm_up`.
 
 How compiled code is found again: its folder is named by the sources of this package; in it, numba keys a function by its file's
 time of change, the types of its arguments, and the versions of numba and Python and the processor.

@@ -13,7 +13,7 @@ class Candidate(NamedTuple):
     """A policy for the reference pair, with what its trials gave.
 
     Attributes:
-        merit: the more the better; below 1 it did not roll, from 2 on it is feasible (see `merit`).
+        merit: the more the better; below 1 it did not roll, from 2 on it is feasible (see `fitness`).
         margins: figures of its roll on the nominal robot, and of its trials, by name.
     """
 
@@ -31,7 +31,8 @@ class Elites:
     """Candidates, best first, of which each differs from all better ones by `apart_mm` or more.
 
     Attributes:
-        apart_mm: see `distance_mm`. most: how many are kept.
+        apart_mm: see `distance_mm`.
+        most: how many are kept.
     """
 
     def __init__(self, apart_mm: int, most: int, candidates: Iterable[Candidate] = ()):
@@ -48,8 +49,10 @@ class Elites:
         return tuple(self._ranked)
 
     def add(self, candidates: Iterable[Candidate]) -> None:
-        """Take in those that are better than every elite near them; elites near a better one leave. The order given matters to
-        nobody: equal merits are ranked by policy."""
+        """Take in those that are better than every elite near them; elites near a better one leave.
+
+        The order given does not matter: equal merits are ranked by policy.
+        """
         found = {candidate.policy: candidate for candidate in [*candidates, *self._ranked]}
         chosen: list[Candidate] = []
         for candidate in sorted(found.values(), key=lambda c: (-c.merit, c.policy)):

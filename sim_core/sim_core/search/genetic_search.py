@@ -48,12 +48,18 @@ class SearchPlan:
     """What to search.
 
     Attributes:
-        name: of the library. kind: model. classes: names of the classes of rolls. keep: primitives to keep per class.
-        seed: same plan and prototype, same library. offspring: per class and generation.
-        generations: at most. evaluations: nominal rolls, at most.
+        name: of the library.
+        kind: model.
+        classes: names of the classes of rolls.
+        keep: primitives to keep per class.
+        seed: same plan and prototype, same library.
+        offspring: per class and generation.
+        generations: at most.
+        evaluations: nominal rolls, at most.
         polish: generations after a class has enough feasible elites. A class with enough that hardly ever fail in training
             (RELIABLE), which can become little but gentler, gets POLISH_RELIABLE of them.
-        active: struts that a policy may move. apart_mm: two primitives differ by at least this in some strut.
+        active: struts that a policy may move.
+        apart_mm: two primitives differ by at least this in some strut.
         training: prototypes on which feasible policies are tried; none: the nominal robot alone decides.
         choice: more of them, for the last choice among `spare` × keep elites per class.
     """
@@ -97,8 +103,12 @@ class Progress(NamedTuple):
     """Where a search is.
 
     Attributes:
-        generation: done so far. rolled: nominal rolls so far. trained: trials on training prototypes so far.
-        found: feasible elites per class. best: best merit per class. wanted: elites that a class wants.
+        generation: done so far.
+        rolled: nominal rolls so far.
+        trained: trials on training prototypes so far.
+        found: feasible elites per class.
+        best: best merit per class.
+        wanted: elites that a class wants.
         finished: share of the work that is surely done, in [0, 1].
     """
 
@@ -171,6 +181,7 @@ class Search:
 
     @property
     def progress(self) -> Progress:
+        """How far the search is."""
         found = {name: min(elites.count(FEASIBLE), self.plan.keep) for name, elites in self._elites.items()}
         best = {name: max((c.merit for c in elites.ranked[:1]), default=0.0) for name, elites in self._elites.items()}
         share = sum(0.1 * found[name] / self.plan.keep + 0.9 * self._polished(name) for name in found) / len(found)
@@ -238,8 +249,10 @@ class Search:
         return joined(self._run(chunks))
 
     def _trained(self, feasible: Sequence[tuple[RollClass, Candidate, float]]) -> list[tuple[RollClass, Candidate]]:
-        """Feasible candidates with the merit of their success rate: a first look at all that could become elites, the rest for
-        those that still could and won half of it."""
+        """Feasible candidates with the merit of their success rate.
+
+        A first look at all that could become elites, the rest for those that still could and won half of it.
+        """
         feasible = [item for item in feasible if self._could_enter(item[0], item[1].policy, trained_merit(1.0, item[2]))]
         if not feasible:
             return []
@@ -303,7 +316,11 @@ def search(
     """Search from the beginning, or from a state, to the end.
 
     Args:
+        prototype: the nominal prototype.
+        plan: what is searched, and for how long.
+        runner: runs the chunks: here, or on a cluster.
         report: called with the search after every generation, e.g. to keep its `state`.
+        state: of an earlier search; None: from the beginning.
 
     Raises:
         ParameterError: a state of another search.

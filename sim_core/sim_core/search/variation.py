@@ -34,7 +34,10 @@ def offspring(rng: np.random.Generator, elites: Sequence[Candidate], limit_mm: i
     """One policy bred from elites (best first), or a stranger.
 
     Args:
-        limit_mm: largest stroke. active: struts that may move at all; the smallest strokes of a policy with more are left out.
+        rng: what it draws from.
+        elites: best first.
+        limit_mm: largest stroke.
+        active: struts that may move at all; the smallest strokes of a policy with more are left out.
     """
     if len(elites) < ENOUGH or rng.random() < STRANGERS:
         return stranger(rng, limit_mm, active)

@@ -34,18 +34,24 @@ class Elements:
         frame: (P, 3, 3) each particle's own axes as columns, in body coordinates; the first is the strut's axis.
         mass_kg: (P,).
         inertia_kg_m2: (P, 3) about the particle's own axes.
-        beam_ends: int (B, 2) particles of each beam; beam_strut: int (B,) its strut.
+        beam_ends: int (B, 2) particles of each beam.
+        beam_strut: int (B,) its strut.
         beam_ea_n, beam_ei_n_m2, beam_gj_n_m2: (B,).
         beam_share: (B,) share of the strut's rest length.
         cable_ends: int (48, 2) particles; the first 24 cables are tendons T1..T24, the others the box's ropes.
         cable_stiffness_n_m, cable_rest_m: (48,).
         cable_point_1_m, cable_point_2_m: (48, 3) slave points in the particles' own axes.
         contact_point_m: (60, 3) in the joint's own axes, five of each joint.
-        strut_mid_m: (6,) rest length at mid stroke; strut_gain: (6,) stroke made / stroke commanded; strut_speed_m_s: (6,).
+        strut_mid_m: (6,) rest length at mid stroke.
+        strut_gain: (6,) stroke made / stroke commanded.
+        strut_speed_m_s: (6,).
         gravity_m_s2: (3,) in axes whose z is the ground's normal.
-        ground_stiffness_n_m, ground_damping_n_s_m: (2,) normal, tangential. friction: (2,) static, kinetic.
-        zeta_1_s: mass damping. steps_per_second: 1 / time step.
-        kind: IMPROVED (dynamics) or PREVIOUS (quasi-static). mass_factor: fictitious masses / real ones, for PREVIOUS; else 1.
+        ground_stiffness_n_m, ground_damping_n_s_m: (2,) normal, tangential.
+        friction: (2,) static, kinetic.
+        zeta_1_s: mass damping.
+        steps_per_second: 1 / time step.
+        kind: IMPROVED (dynamics) or PREVIOUS (quasi-static).
+        mass_factor: fictitious masses / real ones, for PREVIOUS; else 1.
     """
 
     position_m: Array
@@ -217,10 +223,8 @@ def previous_elements_of(prototype: Prototype) -> Elements:
     """The paper's previous model of a prototype: axial bars, joints without size, the box a point on its ropes.
 
     Ropes and ground meet the struts' axes at the nodes (the five contact points of a joint coincide there and share its
-    stiffness), and
-    nothing resists rotation. Natural lengths follow from the same stretch of these ropes. Fictitious masses are the real
-    ones times one
-    factor, chosen so that relaxation is quick at the prototype's time step; weights are the real ones.
+    stiffness), and nothing resists rotation. Natural lengths follow from the same stretch of these ropes. Fictitious masses are the
+    real ones times one factor, chosen so that relaxation is quick at the prototype's time step; weights are the real ones.
     """
     sizeless = replace(
         prototype,

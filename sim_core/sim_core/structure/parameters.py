@@ -248,6 +248,7 @@ def rewritten(text: str, changes: Mapping[str, tuple[Any, str, str]]) -> str:
     """The text of a prototype YAML with some rows replaced; everything else, comments included, stays.
 
     Args:
+        text: of the YAML.
         changes: parameter -> (value, source, note).
 
     Raises:

@@ -20,7 +20,7 @@ def checked_policy(values: Sequence[float], limit_mm: int) -> Policy:
     if len(given) != 6:
         raise PolicyError(f"a policy has six strokes in mm, S1..S6; got {len(given)}: {given}")
     for strut, value in enumerate(given, start=1):
-        if not isinstance(value, (int, float, np.integer, np.floating)) or isinstance(value, bool) or value != value:
+        if not isinstance(value, (int, float, np.integer, np.floating)) or isinstance(value, bool) or value != value:  # noqa: PLR0124 (not a number)
             raise PolicyError(f"S{strut} = {value!r}: valid is a whole number of mm in [-{limit_mm}, {limit_mm}]")
         if abs(value) > limit_mm or value != int(value):
             raise PolicyError(f"S{strut} = {value:g} mm: valid is a whole number of mm in [-{limit_mm}, {limit_mm}]")

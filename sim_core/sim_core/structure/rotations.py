@@ -74,11 +74,10 @@ def turn_onto(source: Array, target: Array) -> Array:
     """The smallest rotation matrix that carries unit vector `source` onto unit vector `target`."""
     v, c = np.cross(source, target), float(dot(source, target))
     if c < -1.0 + 1e-12:  # opposite: half a turn about any axis across
-        axis = np.cross(source, np.eye(3)[np.argmin(np.abs(source))])
-        axis = unit(axis)
-        return 2.0 * axis[:, None] * axis - np.eye(3)
+        axis = unit(np.cross(source, np.eye(3)[np.argmin(np.abs(source))]))
+        return np.asarray(2.0 * axis[:, None] * axis - np.eye(3))
     cross = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
-    return np.eye(3) + cross + product(cross, cross) / (1.0 + c)
+    return np.asarray(np.eye(3) + cross + product(cross, cross) / (1.0 + c))
 
 
 def best_fit(body: Array, world: Array) -> Array:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot's symmetry group T_h (24 elements, 12 of them reflections) and the 24 gaits it makes of one primitive.
 
-The elements are the signed cyclic permutation matrices acting on the body coordinates of `structure.NODES`. Exactly one
+The elements are the signed cyclic permutation matrices acting on the body coordinates of `topology.NODES`. Exactly one
 element carries the reference pair (TC6, TO5) to each of the 24 adjacent (TC, TO) pairs, so a policy found for the reference
 pair, relabelled by that element, is a gait between that pair, in either direction.
 """
@@ -96,6 +96,7 @@ class RollClass(NamedTuple):
 
     @property
     def name(self) -> str:
+        """Its reference pair, such as TC6-TO5."""
         return f"{self.source}-{self.target}"
 
 

@@ -41,9 +41,11 @@ class Attribution:
     """The failures looked at.
 
     Attributes:
-        failures: (n, 3) primitive, gait and prototype index in the study's arrays. failed: how many trials failed in all.
+        failures: (n, 3) primitive, gait and prototype index in the study's arrays.
+        failed: how many trials failed in all.
         groups: the law's uncertainties, G.
-        vanishes: (n, G) the trial succeeds without the group. comes: (n, G) it fails with the group alone.
+        vanishes: (n, G) the trial succeeds without the group.
+        comes: (n, G) it fails with the group alone.
         nominal: (n,) it fails without any: no uncertainty is to blame.
     """
 
@@ -65,8 +67,10 @@ class Attribution:
         return sorted(rows, key=lambda row: (-row.vanish_without, -row.come_alone))
 
     def killers(self) -> list[str]:
-        """What killed each failed trial, (n,): the group without which it succeeds; of several, one that also kills alone, then
-        the one that most failures need."""
+        """What killed each failed trial, (n,): the group without which it succeeds.
+
+        Of several, one that also kills alone, then the one that most failures need.
+        """
         weight = self.vanishes.sum(axis=0) / (1.0 + len(self.failures))
         names = []
         for vanishes, comes, nominal in zip(self.vanishes, self.comes, self.nominal, strict=True):
@@ -98,7 +102,12 @@ def attribute(
     """Try failed trials again, without each of the law's uncertainties and with each alone.
 
     Args:
+        prototype: the nominal prototype.
+        study: the trials, with their failures.
         limit: at most so many failures, drawn from all with the study's seed.
+        runner: runs the chunks: here, or on a cluster.
+        report: called with (done, total).
+        kind: IMPROVED or PREVIOUS.
     """
     failed = np.argwhere(~study.feasible)
     chosen = failed
@@ -125,10 +134,10 @@ def _chunks(prototype: Prototype, study: Study, chosen: NDArray[np.int64], kind:
 
 def _chunk(prototype: Prototype, study: Study, rows: NDArray[np.int64], laws: Sequence[Law], kind: str) -> Chunk:
     places: dict[Draw | None, int] = {}
-    jobs = []
+    jobs: list[Job] = []
     for p, g, k in rows.tolist():
         source, target = study.gaits[p][g]
         policy = gait_of(study.primitives[p], source, target).policy
-        for draw in (*(Draw(law, study.plan.seed, study.plan.numbers[k]) for law in laws), None):
-            jobs.append(Job(places.setdefault(draw, len(places)), source, policy, target))
+        draws = (*(Draw(law, study.plan.seed, study.plan.numbers[k]) for law in laws), None)
+        jobs.extend(Job(places.setdefault(draw, len(places)), source, policy, target) for draw in draws)
     return Chunk(prototype, tuple(places), tuple(jobs), kind)

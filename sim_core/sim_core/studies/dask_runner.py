@@ -74,7 +74,10 @@ def run_on(
     """Run chunks on a cluster; their trials in order.
 
     Args:
-        client: a `distributed.Client`. work: what a worker does; default `work_of`.
+        client: a `distributed.Client`.
+        chunks: the work.
+        report: called with (done, total).
+        work: what a worker does; default `work_of`.
 
     Raises:
         ClusterError: a chunk that fails (naming why), or that is lost again and again.

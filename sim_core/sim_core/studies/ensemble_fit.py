@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fitting robots to outcomes: an ensemble of members, weighted by the trials that they foretell.
+"""Fitting robots to outcomes: an ensemble of members, weighted by the trials that they predict.
 
 Every tried gait is rolled on every member by the batch solver. A trial is won if the robot stood on the target after actuation and
 after the return, which is what an operator sees; the model's limits of force and clearance play no part in that.
@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +51,8 @@ class Seen(NamedTuple):
     """One trial of a robot.
 
     Attributes:
-        roll: what was tried. won: it stood on the target after actuation and after the return.
+        roll: what was tried.
+        won: it stood on the target after actuation and after the return.
         placed: it stood on the floor in the direction in which the model places it; else nobody knows in which.
     """
 
@@ -64,13 +66,20 @@ def stood_on_target(result: RollResult) -> bool:
     return result.returned is not None and result.actuated.face == result.returned.face == result.target
 
 
+def _report_on(report: Report, before: int, total: int, done: int, _: int) -> None:
+    report(before + done, total)
+
+
 def wins_of(
     nominal: Model, members: Sequence[Member], rolls: Sequence[tuple[Roll, bool]], report: Report = silent
 ) -> NDArray[np.bool_]:
     """What each member does in each trial, (members, trials).
 
     Args:
+        nominal: model of the nominal prototype.
+        members: what the robots are.
         rolls: what is tried, and whether the direction is known. Where it is not, each trial of each member has one of its own.
+        report: called with (done, total).
 
     Raises:
         ModelError: a member that cannot be built.
@@ -90,7 +99,7 @@ def wins_of(
                 roll = rolls[number][0]
                 models.append(_built(nominal, member.turned(float(angle))))
                 jobs.append(Job(len(models) - 1, roll.source, roll.policy, roll.target))
-        results = Batch(models).run(jobs, lambda done, _, before=at * each: report(before + done, len(members) * each))  # type: ignore[misc]
+        results = Batch(models).run(jobs, partial(_report_on, report, at * each, len(members) * each))
         won = np.array([stood_on_target(result) for result in results]).reshape(len(own), each)
         column = {roll: number for number, roll in enumerate(fixed)}
         for number, (roll, placed) in enumerate(rolls):
@@ -110,8 +119,10 @@ class Fit:
     """An ensemble fitted to trials.
 
     Attributes:
-        members, weights: (members,), of all rounds. wins: (members, trials) what each does in the trials seen.
-        effective_sizes: after each round. lapses: by which the weights were made after each round (`posterior.softened`).
+        members, weights: (members,), of all rounds.
+        wins: (members, trials) what each does in the trials seen.
+        effective_sizes: after each round.
+        lapses: by which the weights were made after each round (`importance_weights.softened`).
         prior, seed, lapse: as asked for.
     """
 
@@ -131,7 +142,7 @@ class Fit:
 
     @property
     def parameters(self) -> Array:
-        """(members, DIMENSIONS), in the order of `members.LABELS`."""
+        """(members, DIMENSIONS), in the order of `robot_prior.LABELS`."""
         return np.array([member.parameters for member in self.members])
 
 
@@ -161,7 +172,13 @@ def fit(
     """Fit an ensemble. The same arguments give the same ensemble.
 
     Args:
-        count: members of each round. rounds: after the first, at most; drawn while too few members carry the weight (ENOUGH).
+        nominal: model of the nominal prototype.
+        seen: trials with their outcomes.
+        prior: what is thought of the robot before; None: the usual one.
+        count: members of each round.
+        seed: of all draws.
+        lapse: least lapse rate ε.
+        rounds: after the first, at most; drawn while too few members carry the weight (ENOUGH).
         report: told (rolls done, rolls in all) of each round.
         first_wins: what the prior's members do in these trials, (count, trials), if that is known already.
 
@@ -207,7 +224,10 @@ def estimates(parameters: Array, weights: Array, labels: Sequence[str], half_ran
     """What weighted members say of each parameter.
 
     Args:
-        parameters: (members, d). weights: (members,), sum 1. labels: (d,). half_ranges: (d,) of the uniform prior.
+        parameters: (members, d).
+        weights: (members,), sum 1.
+        labels: (d,).
+        half_ranges: (d,) of the uniform prior.
     """
     found = []
     for column, label, half in zip(parameters.T, labels, half_ranges, strict=True):

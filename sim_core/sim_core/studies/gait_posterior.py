@@ -24,10 +24,15 @@ def learned_odds(library: Library, prior: Callable[[Gait], float], tried: Tried,
     """Odds for the planner: the mean of each gait's Beta posterior.
 
     Args:
-        prior: probability of each gait before its trials. weight: its pseudo-trials. how: where prior and trials come from.
+        library: the gait library.
+        prior: probability of each gait before its trials.
+        tried: successes and trials of each tried gait.
+        weight: its pseudo-trials.
+        how: where prior and trials come from.
 
     Raises:
-        LibraryError: a tried gait is not the library's. SimError: an impossible prior, weight or count.
+        LibraryError: a tried gait is not the library's.
+        SimError: an impossible prior, weight or count.
     """
     wins, left = {}, dict(tried)
     for primitive in library.primitives:

@@ -47,7 +47,12 @@ def fitted_prior(
     """Odds of gaits by a fitted ensemble; of a tried gait, by all trials but its own, which then count once, by themselves.
 
     Args:
+        model: the robot's model.
+        found: the fitted ensemble.
+        seen: trials with their outcomes.
+        gaits: whose odds are wanted.
         count: members that roll every gait, drawn by weight.
+        report: called with (done, total).
     """
     placed = all(one.placed for one in seen)
     drawn = systematic(found.weights, count, np.random.default_rng([found.seed, PREDICT_STREAM]))

@@ -68,6 +68,8 @@ def load_gaits(path: Path | str, limit_mm: int, every_gait: bool = False) -> tup
     """Read gaits: a file of `gaits: [{name, from, to, policy_mm}]`, or a primitive library.
 
     Args:
+        path: of the file.
+        limit_mm: largest stroke, in [mm].
         every_gait: of a library, all 24 gaits of each primitive; default: the reference pair's.
 
     Raises:

@@ -36,8 +36,9 @@ class Plan:
     """What to study.
 
     Attributes:
-        law, seed: of the prototypes. prototypes: how many, K. first: number of the first one in this seed's endless row, so that
-            a large study can be done in slices.
+        law, seed: of the prototypes.
+        prototypes: how many, K.
+        first: number of the first one in this seed's endless row, so that a large study can be done in slices.
         one_gait: instead of 24 gaits on K prototypes, the reference gait on 24 K: the same under a symmetric law.
     """
 
@@ -100,6 +101,7 @@ class Study:
 
     @property
     def counts(self) -> Counts:
+        """How many primitives reach the paper's levels."""
         return counts_of(self.rates)
 
     @property
@@ -142,7 +144,8 @@ def require_held_out(library: Library, seed: int) -> None:
 
 def gaits_of(primitive: Primitive, one_gait: bool) -> tuple[tuple[str, str], ...]:
     """The rolls on which a primitive is tried."""
-    return (tuple(primitive.roll_class),) if one_gait else rolls_of(primitive.roll_class)  # type: ignore[return-value]
+    reference = primitive.roll_class
+    return ((reference.source, reference.target),) if one_gait else rolls_of(reference)
 
 
 def odds_of(library: Library, study: Study) -> Odds:
@@ -169,6 +172,10 @@ def chunks_of(
     """The study's work: every chunk some prototypes with all their rolls, prototype by prototype, primitive by primitive.
 
     Args:
+        prototype: the nominal prototype.
+        primitives: what is tried.
+        plan: the robots and the design of the study.
+        kind: IMPROVED or PREVIOUS.
         size: rolls of a chunk; default: see `chunk_jobs`.
     """
     rolls = []

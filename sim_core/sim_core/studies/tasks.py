@@ -97,8 +97,9 @@ class Trials(NamedTuple):
     """Outcomes of a chunk's jobs, in their order; see `RollResult` for meanings. Arrays are (jobs,).
 
     Attributes:
-        past_edge_m: over the edge that the centre of mass got past the farthest. toward: the wanted face; of a job that wanted
-            none, the adjacent face that it landed on, else the one behind that edge. landed: it stood on that face after actuation.
+        past_edge_m: over the edge that the centre of mass got past the farthest.
+        toward: the wanted face; of a job that wanted none, the adjacent face that it landed on, else the one behind that edge.
+        landed: it stood on that face after actuation.
     """
 
     feasible: NDArray[np.bool_]
@@ -123,7 +124,8 @@ def silent(done: int, total: int) -> None:
 class Runner(Protocol):
     """Runs chunks; trials in the chunks' order, whatever the number of workers. `report` gets (rolls done, rolls in all)."""
 
-    def __call__(self, chunks: Sequence[Chunk], report: Report = silent) -> list[Trials]: ...
+    def __call__(self, chunks: Sequence[Chunk], report: Report = silent) -> list[Trials]:
+        """Run chunks."""
 
 
 def run_chunk(chunk: Chunk, threads: int = 1, report: Report = silent) -> Trials:

@@ -28,7 +28,8 @@ class Arrival(NamedTuple):
     """Whose event it is, and when it came.
 
     Attributes:
-        session: of the bridge. stamp_ns: when it happened, by the bridge's wall clock.
+        session: of the bridge.
+        stamp_ns: when it happened, by the bridge's wall clock.
         wall_ns, steady_ns: when it came, by our wall clock and by one that nobody sets.
     """
 
@@ -62,7 +63,8 @@ class EventStream:
 
     Attributes:
         session: of the stream that is followed; empty before the first, and of an old bag.
-        refused: events that could not have happened. strangers: writes of other sessions.
+        refused: events that could not have happened.
+        strangers: writes of other sessions.
     """
 
     def __init__(self, patience: int = 200, mid_stroke_m: float = 0.234, warn: Callable[[str], None] = lambda text: None):

@@ -2,8 +2,8 @@
 """A twin that follows what really happened to the robot, bit for bit the same live and from a bag.
 
 The bridge numbers everything that happens to the robot — rest lengths sent to the board, faces observed — in one stream. The
-twin's state is a
-function of that stream alone: each event first brings the model to the event's robot time, in whole steps, then acts.
+twin's state is a function of that stream alone: each event first brings the model to the event's robot time, in whole steps, then
+acts.
 """
 
 from __future__ import annotations
@@ -146,6 +146,8 @@ class Follower:
         """A twin resting on `face` until the first event.
 
         Args:
+            model: the robot's model.
+            face: where it rests.
             parameters: of its actuators, for a model of a `following` prototype; None: the solver's own, which feel no load.
 
         Raises:

@@ -64,7 +64,7 @@ class LiveBridge:
         self._warned = False
 
     def hears(self, state: Any, now_ns: int) -> bool:
-        """Whether a BridgeState is the live bridge's. Args: now_ns: ROS time."""
+        """Whether a BridgeState is the live bridge's. `now_ns`: ROS time."""
         now_s = self._steady_s()
         if not is_fresh(state.header.stamp, now_ns):
             old = age_s(state.header.stamp, now_ns)

@@ -26,7 +26,8 @@ class Frozen(NamedTuple):
 
     Attributes:
         version: "v1".
-        model_hash: of its elements: every number. motion: `motion_of` it, which holds the solver's arithmetic as well.
+        model_hash: of its elements: every number.
+        motion: `motion_of` it, which holds the solver's arithmetic as well.
     """
 
     version: str

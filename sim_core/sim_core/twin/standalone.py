@@ -19,7 +19,8 @@ class StandAlone:
     """A robot that runs by the steady clock.
 
     Attributes:
-        robot: the robot. skipped_s: robot time that the machine was too slow for.
+        robot: the robot.
+        skipped_s: robot time that the machine was too slow for.
     """
 
     def __init__(self, model: Model, face: str, time_scale: float):

@@ -2,10 +2,10 @@
 """What a robot may differ in from its drawing, and prototypes drawn from that: the law of the robustness study.
 
 Every uncertainty is a group of members (48 ropes, six struts, …), each off by an error that is uniform in ±(width · scale).
-Members may share a part of their error (ropes of one batch) and the designs of `design` may be low-discrepancy. An error belongs
+Members may share a part of their error (ropes of one batch) and the designs of `sampling` may be low-discrepancy. An error belongs
 to (seed, prototype, member): switching a group off leaves all other errors as they are.
 
-`perturbation.perturb` is the older law of one prototype by seed, for the virtual prototype; the two share no draws.
+`seeded_perturbation.perturb` is the older law of one prototype by seed, for the virtual prototype; the two share no draws.
 """
 
 from __future__ import annotations
@@ -83,7 +83,8 @@ class Group(NamedTuple):
     """One uncertainty.
 
     Attributes:
-        width: half range of the error per unit of scale. unit: of the error; "1" is relative.
+        width: half range of the error per unit of scale.
+        unit: of the error; "1" is relative.
         what: in words, with its range at scale s.
         members: how many errors a robot has.
         batch: how many of these, from the first, are of one batch and may be correlated.

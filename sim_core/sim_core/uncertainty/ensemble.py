@@ -41,7 +41,8 @@ class Posterior:
         model_hash: of the nominal model that the members are relative to.
         provenance: sessions, robot, trials, prior, seed, … for people and for scripts.
         noise: scale of the errors of single members.
-        members: robots. weights: (members,), sum 1.
+        members: robots.
+        weights: (members,), sum 1.
     """
 
     model_hash: str

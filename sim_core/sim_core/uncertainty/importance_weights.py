@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """What outcomes of trials say of a robot: weights of an ensemble's members, by Bayes' rule. Pure functions of arrays.
 
-A member is a point in normal scores, z ~ N(0, I) under the prior; `members` makes a robot of it. A member's likelihood counts the
-trials that it foretells: approximate Bayesian computation with a lapse rate as the kernel, so that one odd trial kills no member.
+A member is a point in normal scores, z ~ N(0, I) under the prior; `robot_prior` makes a robot of it. A member's likelihood counts
+the trials that it predicts: approximate Bayesian computation with a lapse rate as the kernel, so that one odd trial rules out no
+member.
 
     p(y | member) = ε + (1 − 2 ε) [win = y],    w ∝ Π_t p(y_t | member) / Σ_r (n_r / n) q_r(z) / φ(z)
 
-As in all such computation, the tolerance adapts (Del Moral et al. 2012): with few members hardly one foretells all trials, and
+As in all such computation, the tolerance adapts (Del Moral et al. 2012): with few members hardly one predicts all trials, and
 weights by the true lapse rate would rest on one or two. Then ε is the smallest that leaves enough members with a say.
 
 Rounds after the first draw from mixtures of normals around the heavy members (population Monte Carlo: Cappé et al. 2004); all
@@ -42,7 +43,9 @@ class Kernel(NamedTuple):
     """A mixture of normals that a round was drawn from.
 
     Attributes:
-        centres: (m, d). weights: (m,), sum 1. root: Cholesky factor of their covariance, (d, d).
+        centres: (m, d).
+        weights: (m,), sum 1.
+        root: Cholesky factor of their covariance, (d, d).
     """
 
     centres: Array
@@ -54,7 +57,9 @@ def log_likelihood(wins: NDArray[np.bool_], observed: NDArray[np.bool_], lapse: 
     """Logarithm of each member's likelihood, (members,).
 
     Args:
-        wins: (members, trials) what each member does. observed: (trials,) what was seen. lapse: ε.
+        wins: (members, trials) what each member does.
+        observed: (trials,) what was seen.
+        lapse: ε.
 
     Raises:
         SimError: a lapse rate outside (0, 0.5), or shapes that do not fit.
@@ -82,9 +87,14 @@ def softened(wins: NDArray[np.bool_], observed: NDArray[np.bool_], lapse: float,
     """The smallest lapse rate, from `lapse` up to a coin's, whose weights have an effective size of at least `least`.
 
     Args:
-        wins, observed, lapse: as in `log_likelihood`. log_base: (members,) logarithm of the weights without the trials.
+        wins: (members, trials) what each member does.
+        observed: (trials,) what was seen.
+        lapse: the least ε.
+        log_base: (members,) logarithm of the weights without the trials.
+        least: wanted effective size.
 
-    Returns: `lapse` itself if it will do; nearly ½ if none will.
+    Returns:
+        `lapse` itself if it will do; nearly ½ if none will.
     """
 
     def size(rate: float) -> float:
@@ -105,11 +115,14 @@ def effective_size(weights: Array) -> float:
 
 
 def kernel_around(z: Array, weights: Array) -> Kernel:
-    """Smoothed version of weighted members: a mixture of normals, its centres drawn towards the mean so that its spread is that of
-    the weights (West 1993; Liu and West 2001), as wide as so few members in so many dimensions ask for (Silverman 1986).
+    """Smoothed version of weighted members: a mixture of normals.
+
+    Its centres are drawn towards the mean so that its spread is that of the weights (West 1993; Liu and West 2001); it is as wide
+    as so few members in so many dimensions ask for (Silverman 1986).
 
     Args:
-        z: (members, d). weights: (members,), sum 1.
+        z: (members, d).
+        weights: (members,), sum 1.
     """
     mean = weights @ z
     off = z - mean
@@ -129,7 +142,7 @@ def drawn_from(kernel: Kernel, count: int, rng: np.random.Generator) -> Array:
 
 
 def log_ratio(kernel: Kernel, z: Array) -> Array:
-    """log q(z) − log φ(z): the mixture's density over the prior's, (n,). Args: z: (n, d)."""
+    """The mixture's density over the prior's, log q(z) − log φ(z), (n,). `z`: (n, d)."""
     heavy = kernel.weights > 0.0
     off = np.linalg.solve(kernel.root, (z[:, None, :] - kernel.centres[None, heavy]).reshape(-1, z.shape[1]).T)
     exponents = -0.5 * (off**2).sum(axis=0).reshape(len(z), -1) - np.log(np.diag(kernel.root)).sum()
@@ -141,8 +154,10 @@ def log_weights_of(log_likelihoods: Array, z: Array, first: int, kernels: Sequen
     """Unnormalised logarithms of the weights of all rounds' members, (members,). See the module.
 
     Args:
-        log_likelihoods: (members,). z: (members, d).
-        first: how many were drawn from the prior. kernels: the later rounds' kernels, and how many were drawn of each.
+        log_likelihoods: (members,).
+        z: (members, d).
+        first: how many were drawn from the prior.
+        kernels: the later rounds' kernels, and how many were drawn of each.
     """
     total = first + sum(count for _, count in kernels)
     parts = [np.full(len(z), math.log(first / total))]
@@ -152,8 +167,10 @@ def log_weights_of(log_likelihoods: Array, z: Array, first: int, kernels: Sequen
 
 
 def systematic(weights: Array, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
-    """Indices of `count` members drawn by weight, with evenly spaced points (Carpenter et al. 1999): a member of weight w comes
-    ⌊count w⌋ or ⌈count w⌉ times."""
+    """Indices of `count` members drawn by weight, with evenly spaced points (Carpenter et al. 1999).
+
+    A member of weight w comes ⌊count w⌋ or ⌈count w⌉ times.
+    """
     at = (np.arange(count) + rng.random()) / count
     found: NDArray[np.intp] = np.minimum(np.searchsorted(np.cumsum(weights), at), len(weights) - 1)
     return found
@@ -172,7 +189,9 @@ def predictive(wins: NDArray[np.bool_], weights: Array, lapse: float = LAPSE) ->
     """Probability of success of each trial, (trials,): the weighted share of members that succeed, with the lapse rate.
 
     Args:
-        wins: (members, trials). weights: (members,), sum 1.
+        wins: (members, trials).
+        weights: (members,), sum 1.
+        lapse: lapse rate ε, in (0, 0.5).
     """
     found: Array = lapse + (1.0 - 2.0 * lapse) * (weights @ wins)
     return found
@@ -182,7 +201,10 @@ def predictive_without_own(wins: NDArray[np.bool_], weights: Array, own_log_like
     """`predictive` of tried gaits, each by weights that have not seen its own trials: what these say is then counted once.
 
     Args:
-        wins: (members, gaits). own_log_likelihood: (members, gaits) of each gait's own trials.
+        wins: (members, gaits).
+        weights: (members,) sum 1.
+        own_log_likelihood: (members, gaits) of each gait's own trials.
+        lapse: lapse rate ε, in (0, 0.5).
     """
     log_own = np.log(np.maximum(weights, 1e-300))[:, None] - own_log_likelihood
     each = np.exp(log_own - logsumexp(log_own, axis=0))
@@ -199,7 +221,10 @@ def beta_mean(prior: float, weight: float, wins: float, trials: float) -> float:
     """Mean of a Beta posterior: (prior · weight + wins) / (weight + trials).
 
     Args:
-        prior: mean of the Beta prior. weight: its pseudo-counts, α + β. wins, trials: seen (Bernoulli), or parts of trials.
+        prior: mean of the Beta prior.
+        weight: its pseudo-counts, α + β.
+        wins: seen (Bernoulli), or parts of trials.
+        trials: how many, or parts of them.
 
     Raises:
         SimError: a prior outside [0, 1], a weight that is not positive, or more wins than trials.

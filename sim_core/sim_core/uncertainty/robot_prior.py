@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Robots of which outcomes of trials can tell: errors that a whole robot shares, on top of those of its single members.
+"""What is thought of a robot before its trials: errors that the whole robot shares, on top of those of its single parts.
 
 One rope more or less changes little; what decides whether *this* robot rolls is common to all its trials: the floor's friction and
 slope, ropes of one batch (stiffness, rest length, hence prestress), and each strut's stroke. These are estimated. The errors of
-single ropes and masses are noise (`uncertainty.Law`): drawn anew for every member.
+single ropes and masses are noise (`distribution.Law`): drawn anew for every member.
 """
 
 from __future__ import annotations
@@ -41,8 +41,10 @@ class Member(NamedTuple):
 
     Attributes:
         friction, stiffness, rest_length: factors of both coefficients, of all ropes' stiffness, of all ropes' rest lengths.
-        stroke: six factors. slope_deg: tilt of the ground about x, then y, in degrees, for the robot placed as the model places it.
-        noise: scale of the errors of single members. seed, number: which draw of these.
+        stroke: six factors.
+        slope_deg: tilt of the ground about x, then y, in degrees, for the robot placed as the model places it.
+        noise: scale of the errors of single members.
+        seed, number: which draw of these.
     """
 
     friction: float
@@ -75,8 +77,9 @@ class Prior:
     """What is thought of a robot before its trials: independent and uniform, each factor in 1 ± its number.
 
     Attributes:
-        friction, stiffness, rest_length, stroke: half ranges of factors. slope_deg: of the ground's tilt about each axis.
-        noise: scale of `uncertainty.Law` for the errors of single ropes and masses.
+        friction, stiffness, rest_length, stroke: half ranges of factors.
+        slope_deg: of the ground's tilt about each axis.
+        noise: scale of `distribution.Law` for the errors of single ropes and masses.
     """
 
     friction: float = 0.6

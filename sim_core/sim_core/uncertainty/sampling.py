@@ -26,6 +26,9 @@ def unit_rows(design: str, dimensions: int, seed: int, indices: Sequence[int]) -
     Args:
         design: INDEPENDENT, or SOBOL: a Sobol sequence with seeded scrambling (Owen 1998; scipy.stats.qmc), which fills the cube
             more evenly.
+        dimensions: of the cube.
+        seed: of the whole design.
+        indices: which points.
     """
     if design == INDEPENDENT:
         rows = [np.random.default_rng([index, seed, STREAM]).random(dimensions) for index in indices]
@@ -45,7 +48,9 @@ def correlated(own: Array, shared: Array, correlation: float) -> Array:
     """Uniform variates whose members share a part, by a Gaussian copula: z = √ρ z₀ + √(1 − ρ) zᵢ.
 
     Args:
-        own: (n, members) uniform. shared: (n,) uniform. correlation: ρ in [0, 1), of the normal variates.
+        own: (n, members) uniform.
+        shared: (n,) uniform.
+        correlation: ρ in [0, 1), of the normal variates.
     """
     z, z0 = (ndtri(np.clip(u, EDGE, 1.0 - EDGE)) for u in (own, shared))
     mixed: Array = ndtr(np.sqrt(correlation) * z0[:, None] + np.sqrt(1.0 - correlation) * z)

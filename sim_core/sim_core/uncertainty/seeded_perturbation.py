@@ -24,7 +24,9 @@ def perturb(model: Model, scale: float, seed: int) -> Model:
     """A copy of the model with every member off by its own random error (see LAW); scale 0 returns the same numbers.
 
     Args:
-        scale: s, 0.1 for ±10 %. seed: same seed and model, same prototype.
+        model: the robot's model.
+        scale: s, 0.1 for ±10 %.
+        seed: same seed and model, same prototype.
 
     Raises:
         ParameterError: a scale outside [0, MAX_SCALE], or a negative seed.

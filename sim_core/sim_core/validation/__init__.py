@@ -39,6 +39,7 @@ class Topic(NamedTuple):
 
     @property
     def about(self) -> str:
+        """What the cases are about, in one line."""
         return " ".join((self.module.__doc__ or "").split())
 
 

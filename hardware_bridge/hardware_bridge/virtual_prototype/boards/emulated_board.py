@@ -19,9 +19,9 @@ class EmulatedBoard(ABC):
     """A board as its makers describe it; each kind adds its own bytes and quirks.
 
     Attributes:
-        spec: The board, as `codecs.registry` names it.
-        orders: What the outputs must do, with the robot time of each; whoever drives the outputs takes from the left.
-        battery_mv: Supply voltage in [mV], set by whoever models the supply.
+        spec: the board, as `codecs.registry` names it.
+        orders: what the outputs must do, with the robot time of each; whoever drives the outputs takes from the left.
+        battery_mv: supply voltage in [mV], set by whoever models the supply.
     """
 
     spec: str

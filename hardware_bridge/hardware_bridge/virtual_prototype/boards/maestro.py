@@ -35,9 +35,9 @@ class ControlCenter:
     """What Pololu's Control Center sets, and the serial line cannot.
 
     Attributes:
-        home_us: Where an error sends the channels: a pulse in [us]; 0: off; None: nowhere ("Ignore").
-        timeout_s: Serial time-out in [s]; None: off, as delivered.
-        channels: Number of channels: 6, 12, 18 or 24.
+        home_us: where an error sends the channels: a pulse in [us]; 0: off; None: nowhere ("Ignore").
+        timeout_s: serial time-out in [s]; None: off, as delivered.
+        channels: number of channels: 6, 12, 18 or 24.
     """
 
     home_us: float | None = None

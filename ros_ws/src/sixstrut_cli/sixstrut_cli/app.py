@@ -108,6 +108,7 @@ def _elsewhere(name: str) -> Callable[[], None]:
 
 
 def debugging(arguments: Sequence[str]) -> bool:
+    """Whether tracebacks are wanted."""
     return "--debug" in arguments or os.environ.get("SIXSTRUT_DEBUG", "") not in ("", "0")
 
 

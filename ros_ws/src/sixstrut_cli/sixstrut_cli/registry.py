@@ -9,6 +9,8 @@ from typing import NamedTuple
 
 
 class Entry(NamedTuple):
+    """One command."""
+
     name: str
     help: str  # one line
     module: str | None  # in sixstrut_cli.commands; None: done by tooling/bootstrap.py before Python packages are there
@@ -76,6 +78,7 @@ def entries() -> list[Entry]:
 
 
 def names() -> list[str]:
+    """Names of all commands."""
     return [entry.name for entry in entries()]
 
 

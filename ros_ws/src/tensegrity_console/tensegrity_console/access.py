@@ -102,8 +102,8 @@ class Gate:
     """Judges requests.
 
     Args:
-        token: The secret.
-        loopback: Whether only this machine's own names are called.
+        token: the secret.
+        loopback: whether only this machine's own names are called.
         from_page: (origin, host) -> whether a page from there may connect. Programs that are no page tell no origin.
     """
 
@@ -172,12 +172,12 @@ class GuardedSocket(tornado.websocket.WebSocketHandler, Guarded):
     """A WebSocket for who is let in; one that does not read what it is sent is let go.
 
     Attributes:
-        unsent: Bytes that wait for it.
+        unsent: bytes that wait for it.
     """
 
     unsent = 0
 
-    def check_origin(self, origin: str) -> bool:
+    def check_origin(self, _origin: str) -> bool:
         """See WebSocketHandler: the gate has judged it."""
         return True
 
@@ -227,7 +227,7 @@ class _Elsewhere(Guarded):
 
 
 def listening(routes: list[Any], gate: Gate, host: str, port: int) -> tuple[tornado.httpserver.HTTPServer, int]:
-    """A server for these routes, in this thread's loop, and its port. Args: port: 0: any free one.
+    """A server for these routes, in this thread's loop, and its port. `port`: 0: any free one.
 
     Raises:
         ConsoleError: the port is taken, or no such address is here.

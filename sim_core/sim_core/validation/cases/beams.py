@@ -26,14 +26,20 @@ SLOWER = 4.0
 def lumped_bar_1_s(section: Section, count: int, stiffness: float, inertia: float) -> float:
     """First angular frequency of a free chain of `count` springs with half a mass at either end: 2n √(k/m) sin(π/2n).
 
-    Args: stiffness: EA or GJ. inertia: whole mass, or whole inertia about the axis.
+    Args:
+        section: of the beam.
+        count: elements of the chain.
+        stiffness: EA or GJ.
+        inertia: whole mass, or whole inertia about the axis.
     """
     return float(2.0 * count * np.sqrt(stiffness / (inertia * section.length_m)) * np.sin(0.5 * np.pi / count))
 
 
 def lumped_bending(section: Section, count: int) -> tuple[float, float]:
-    """First angular frequency of a pinned chain of massless Euler–Bernoulli elements with lumped masses and inertias, and the
-    ratio of rotation to deflection: wᵢ = W sin iμ, θᵢ = Θ cos iμ, μ = π/n make the two equations of every node one pair."""
+    """First angular frequency of a pinned chain of massless Euler–Bernoulli elements, and its ratio of rotation to deflection.
+
+    Masses and inertias are lumped: wᵢ = W sin iμ, θᵢ = Θ cos iμ, μ = π/n make the two equations of every node one pair.
+    """
     s, mu, piece = section, np.pi / count, section.length_m / count
     mass = s.mass_kg / count
     coupling = -12.0 * s.ei_n_m2 / piece**2 * np.sin(mu)

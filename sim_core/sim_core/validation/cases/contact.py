@@ -14,6 +14,7 @@ from sim_core.dynamics.robot import Robot
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import Elements
 from sim_core.structure.parameters import Prototype
+from sim_core.structure.topology import POINTS_PER_JOINT
 from sim_core.validation.harness.case import Case, Picture, Setting, curve
 from sim_core.validation.harness.run import Run
 from sim_core.validation.harness.test_bodies import bodies
@@ -50,7 +51,7 @@ def _blocks(prototype: Prototype, height_m: float) -> Elements:
 
 def _settled(elements: Elements, weight_n: Array, height_m: float) -> Array:
     """Heights at which five springs carry the weights."""
-    return height_m - weight_n / (k.POINTS_PER_JOINT * elements.ground_stiffness_n_m[0])
+    return np.asarray(height_m - weight_n / (POINTS_PER_JOINT * elements.ground_stiffness_n_m[0]))
 
 
 def block_sliding_to_rest(setting: Setting) -> Case:
@@ -176,7 +177,7 @@ def robot_on_slope(setting: Setting) -> Case:
 
 
 def restitution(ratio: Array) -> Array:
-    """e of a linear spring and damper whose force is clipped at zero, by the damping ratio."""
+    """Restitution e of a linear spring and damper whose force is clipped at zero, by the damping ratio."""
     # with ω₀ = 1: β = ratio, ω_d² = 1 − β²; the angle is in (0, π)
     damped = np.sqrt(1.0 - ratio**2)
     return np.asarray(np.exp(-ratio / damped * (np.pi - np.arctan2(2.0 * ratio * damped, damped**2 - ratio**2))))

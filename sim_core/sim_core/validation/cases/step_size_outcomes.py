@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Outcomes of rolls at the robot's time step and at an eighth of it, for policies that roll at either: random ones, and the shipped
-library's shifted by up to 2 mm a strut. Also: does a ten times stiffer strut, rigid for all purposes, change outcomes?"""
+"""Outcomes of rolls at the robot's time step and at an eighth of it, for policies that roll at either.
+
+They are random ones, and the shipped library's shifted by up to 2 mm a strut. Also: does a ten times stiffer strut, rigid for all
+purposes, change outcomes?
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The stability estimate against the step at which a run really diverges. It has every contact closed, so it may be the smaller
-of the two."""
+"""The stability estimate against the step at which a run really diverges.
+
+The estimate has every contact closed, so it may be the smaller of the two.
+"""
 
 from __future__ import annotations
 

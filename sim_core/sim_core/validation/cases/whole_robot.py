@@ -20,7 +20,7 @@ from sim_core.structure.elements import elements_of
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import lengths_of
 from sim_core.structure.symmetry import GROUP, REFERENCE_TC, REFERENCE_TO
-from sim_core.structure.topology import FACES
+from sim_core.structure.topology import FACES, JOINTS
 from sim_core.uncertainty.seeded_perturbation import perturb
 from sim_core.validation.harness.case import Case, Picture, Setting, curve
 from sim_core.validation.harness.run import ready
@@ -73,11 +73,11 @@ def _frequency_with(prototype: Prototype, count: int) -> tuple[float, float]:
     robot = Robot.resting_on(ready(fine, smooth), REFERENCE_FACE)
     e = robot.model.elements
     inertia = e.inertia_kg_m2.copy()
-    inertia[k.JOINTS : -1] *= 1e-3
+    inertia[JOINTS:-1] *= 1e-3
     e = replace(e, inertia_kg_m2=inertia)
     robot.model = replace(robot.model, elements=e)
     chain = np.unique(e.beam_ends[e.beam_strut == 0])
-    mass = e.mass_kg[chain] - prototype.joint_mass_kg * (chain < k.JOINTS)
+    mass = e.mass_kg[chain] - prototype.joint_mass_kg * (chain < JOINTS)
     arm = np.linalg.norm(e.position_m[chain] - e.position_m[chain].mean(axis=0), axis=1)
     whole = prototype.actuator_mass_kg * prototype.strut_length_m**2 / 12.0
     return float(resting_modes(robot).frequency_hz[0]), float((mass * arm**2).sum() / whole)

@@ -57,7 +57,9 @@ class Case:
     """The outcome of one case.
 
     Attributes:
-        name: a few words. checked: what is checked, one sentence. source: the reference's formula and where it is from.
+        name: a few words.
+        checked: what is checked, one sentence.
+        source: the reference's formula and where it is from.
         measured, reference: in `unit` ("1" if they have none).
         tolerance: of `error`; a share of the reference if `relative`, else in `unit`.
         note: what else a reader should know; may be empty.
@@ -82,4 +84,5 @@ class Case:
 
     @property
     def passed(self) -> bool:
+        """Whether the error is within the tolerance."""
         return bool(math.isfinite(self.measured) and self.error <= self.tolerance)

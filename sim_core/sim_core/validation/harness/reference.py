@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robot's equations of motion a second time, without the kernel: energy by its formulas, forces as its derivatives by complex
-step (exact to round-off, no cancellation), motion by a high-order integrator. Slow and plain on purpose."""
+"""The robot's equations of motion a second time, without the kernel.
+
+Energy by its formulas, forces as its derivatives by complex step (exact to round-off, no cancellation), motion by a high-order
+integrator. Slow and plain on purpose.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,10 @@ def elastic_energy(e: Elements, rest_m: Array, x: Numbers, r: Numbers) -> Number
     """U of beams and cables for any number of shapes at once.
 
     Args:
-        rest_m: (6,) rest lengths of the struts. x: (..., P, 3) positions. r: (..., P, 3, 3) rotation matrices.
+        e: the robot's elements.
+        rest_m: (6,) rest lengths of the struts.
+        x: (..., P, 3) positions.
+        r: (..., P, 3, 3) rotation matrices.
     """
     first, second = e.beam_ends.T
     rest = rest_m[e.beam_strut] * e.beam_share
@@ -63,7 +69,7 @@ def elastic_forces(e: Elements, rest_m: Array, x: Array, r: Array) -> Array:
 
 def turn_rates(e: Elements, r: Array, spin: Array) -> Array:
     """(P, 3) angular velocities ω = R I⁻¹ Rᵀ s."""
-    return np.einsum("nij,nj,nkj,nk->ni", r, 1.0 / e.inertia_kg_m2, r, spin)
+    return np.asarray(np.einsum("nij,nj,nkj,nk->ni", r, 1.0 / e.inertia_kg_m2, r, spin))
 
 
 def kinetic_energy(e: Elements, r: Array, v: Array, spin: Array) -> float:
@@ -74,7 +80,11 @@ def kinetic_energy(e: Elements, r: Array, v: Array, spin: Array) -> float:
 def motion(e: Elements, rest_m: Array, start: tuple[Array, Array, Array, Array], seconds: float) -> tuple[Array, Array]:
     """Positions (P, 3) and rotation matrices (P, 3, 3) after a free motion without gravity, ground and damping.
 
-    Args: start: x (P, 3), v (P, 3), r (P, 3, 3), spatial spin s (P, 3).
+    Args:
+        e: the robot's elements.
+        rest_m: (6,) rest lengths of the struts.
+        start: x (P, 3), v (P, 3), r (P, 3, 3), spatial spin s (P, 3).
+        seconds: how long.
     """
     particles = len(e.mass_kg)
     cuts = np.cumsum([3 * particles, 3 * particles, 9 * particles])

@@ -6,10 +6,10 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from sim_core.dynamics import vfife as k
+from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.model import STEP_MARGIN, Model, build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.stability import NO_GROUND
@@ -21,7 +21,19 @@ from sim_core.structure.rotations import matrix_of
 
 
 @njit(cache=True)
-def _advance_loaded(state, par, work, assembly, dt, zeta, reach, load, ramp, step, steps):
+def _advance_loaded(
+    state: Array,
+    par: Array,
+    work: Array,
+    assembly: k.Assembly,
+    dt: float,
+    zeta: float,
+    reach: float,
+    load: Array,
+    ramp: int,
+    step: int,
+    steps: int,
+) -> None:
     """The kernel's step with forces and moments `load` (P, 6) from outside, grown linearly over the first `ramp` steps."""
     for n in range(step, step + steps):
         k.forces(state, par, work, assembly, dt, reach)
@@ -33,7 +45,17 @@ def _advance_loaded(state, par, work, assembly, dt, zeta, reach, load, ramp, ste
 
 
 @njit(cache=True)
-def _record(state, par, work, assembly, dt, zeta, reach, every, states):
+def _record(
+    state: Array,
+    par: Array,
+    work: Array,
+    assembly: k.Assembly,
+    dt: float,
+    zeta: float,
+    reach: float,
+    every: int,
+    states: Array,
+) -> None:
     """Fill `states` (n, rows): the first is the state now, then one each `every` steps."""
     for n in range(states.shape[0]):
         if n > 0:
@@ -58,12 +80,15 @@ class Run:
     """A structure that is stepped; the views `x`, `v`, `q`, `s` (P rows each) may be written.
 
     Attributes:
-        x: positions. v: half-step velocities. q: quaternions. s: half-step spatial spins.
+        x: positions.
+        v: half-step velocities.
+        q: quaternions.
+        s: half-step spatial spins.
         par: the kernel's table, this run's own copy.
     """
 
     def __init__(self, model: Model, *, ground: bool = False, zeta_1_s: float = 0.0, dt_s: float | None = None):
-        """At rest in the elements' own shape. Args: dt_s: instead of the model's, past its guard."""
+        """At rest in the elements' own shape. `dt_s`: instead of the model's, past its guard."""
         self.model, self.zeta_1_s, self.step = model, zeta_1_s, 0
         self.dt_s = model.dt_s if dt_s is None else dt_s
         self.reach_m = model.reach_m if ground else NO_GROUND

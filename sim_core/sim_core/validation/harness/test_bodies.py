@@ -13,6 +13,7 @@ from sim_core.dynamics import vfife as k
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import Elements, elements_of
 from sim_core.structure.parameters import Prototype
+from sim_core.structure.topology import JOINTS
 
 CLAMP = 1e12
 """Factor on mass or inertia that holds a particle in place."""
@@ -46,7 +47,7 @@ def strut_section(prototype: Prototype) -> Section:
 
 def chains(counts: Sequence[int]) -> list[list[int]]:
     """Particles of each of six beams of `six_beams`, from end 1 to end 2."""
-    out, following = [], k.JOINTS
+    out, following = [], JOINTS
     for beam, count in enumerate(counts):
         out.append([2 * beam, *range(following, following + count - 1), 2 * beam + 1])
         following += count - 1
@@ -111,7 +112,10 @@ def bodies(prototype: Prototype, mass_kg: Array, inertia_kg_m2: Array, contact_p
     """Twelve separate rigid bodies in a row along y, 1 m apart, on the prototype's ground; no struts or ropes to speak of.
 
     Args:
-        mass_kg: (12,). inertia_kg_m2: (12, 3). contact_point_m: (5, 3), alike for all.
+        prototype: the nominal prototype.
+        mass_kg: (12,).
+        inertia_kg_m2: (12, 3).
+        contact_point_m: (5, 3), alike for all.
     """
     base = elements_of(replace(prototype, strut_elements=1))
     position = np.zeros((13, 3))

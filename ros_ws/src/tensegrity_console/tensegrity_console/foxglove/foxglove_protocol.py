@@ -53,8 +53,8 @@ class Service:
     """A service that apps may call.
 
     Attributes:
-        call: Bytes of the request -> bytes of the response; raises RuntimeError with words for a person.
-        urgent: It is called whatever else an app has asked for.
+        call: bytes of the request -> bytes of the response; raises RuntimeError with words for a person.
+        urgent: it is called whatever else an app has asked for.
     """
 
     name: str
@@ -69,7 +69,8 @@ class Told(NamedTuple):
     """What happens at apps; called in the server's thread.
 
     Attributes:
-        looks: topic: an app begins to look at it. published: (topic, type, encoding, bytes) -> why it was not taken, or "".
+        looks: topic: an app begins to look at it.
+        published: (topic, type, encoding, bytes) -> why it was not taken, or "".
     """
 
     looks: Callable[[str], None]
@@ -196,15 +197,18 @@ class Hub:
 
     Args:
         port: TCP, of this machine; 0: any free one.
-        token: What the address holds.
-        origins: Of web pages that may connect, beside Foxglove's own.
-        publish: Apps may publish.
+        token: what the address holds.
+        origins: of web pages that may connect, beside Foxglove's own.
+        publish: apps may publish.
 
     Raises:
         ConsoleError: the port is taken.
 
     Attributes:
-        url: to connect to. channels: number -> as apps are told. services: number -> service. apps: those that are connected.
+        url: to connect to.
+        channels: number -> as apps are told.
+        services: number -> service.
+        apps: those that are connected.
     """
 
     def __init__(self, port: int, token: str, origins: tuple[str, ...], services: list[Service], publish: bool, told: Told):

@@ -47,7 +47,6 @@ class ViserInside(viser.ViserServer):
 
     def request_share_url(self, verbose: bool = True) -> None:
         """Sharing is switched off, whoever asks."""
-        return None
 
     def stop(self) -> None:
         """See ViserServer."""
@@ -61,7 +60,7 @@ def _serving_at(listening: socket.socket) -> Iterator[None]:
     module: Any = websockets.asyncio.server
     real, asked = module.serve, []
 
-    def serve(handler: Callable[[Any], Awaitable[None]], host: Any, port: Any, **options: Any) -> Any:
+    def serve(handler: Callable[[Any], Awaitable[None]], host: Any, port: Any, **options: Any) -> Any:  # noqa: ARG001 (as viser calls it)
         asked.append(port)
 
         async def with_page(connection: Any) -> None:

@@ -132,10 +132,14 @@ def serve(host: str, port: int, token: str, ready: Callable[[str], None]) -> Non
     """Run the console until SIGINT or SIGTERM.
 
     Args:
+        host: address to listen at.
+        port: 0: any free one.
+        token: secret that the page's address carries.
         ready: told the address to open.
 
     Raises:
-        ConsoleError: the port is taken. SimError: the nominal robot cannot be settled.
+        ConsoleError: the port is taken.
+        SimError: the nominal robot cannot be settled.
     """
     ended = threading.Event()
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}

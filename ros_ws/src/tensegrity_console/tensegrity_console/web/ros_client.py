@@ -210,7 +210,7 @@ class RosSide:
         self._call("set_face", SetFace.Request(face=face, source=FaceObservation.SOURCE_OPERATOR), answer)
 
     def rehearse(self, target: str, answer: Answer) -> None:
-        """Odds of a roll and of those to the other neighbours; they come with `facts.rehearsal`."""
+        """Odds of a roll and of those to the other neighbours; they come with `Facts.rehearsal`."""
         self._call("rehearse", Rehearse.Request(target_face=target), answer, ARM_LIMIT_S)
 
     def roll(self, target: str, anyway: bool, answer: Answer) -> None:

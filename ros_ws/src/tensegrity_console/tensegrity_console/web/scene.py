@@ -125,7 +125,7 @@ class Scene:
         self._server.stop()
 
     def update(self, facts: Facts, selections: Mapping[str, Selection]) -> None:
-        """Draw what is known now. Args: selections: of each page, by its number."""
+        """Draw what is known now. `selections`: of each page, by its number."""
         if len(facts.joints_m) < 13:
             return
         with self._server.atomic():
@@ -236,7 +236,7 @@ class Scene:
 
 
 def tension_colors(tension_n: Array) -> Array:
-    """From blue to orange by tension, slack ones pale, (n, 2, 3) of bytes. Args: tension_n: (n,)."""
+    """From blue to orange by tension, slack ones pale, (n, 2, 3) of bytes. `tension_n`: (n,)."""
     share = np.clip(tension_n / FULL_SCALE_N, 0.0, 1.0)[:, None]
     colors = (1.0 - share) * np.array(BLUE) + share * np.array(ORANGE)
     colors[np.asarray(tension_n) <= 0.0] = PALE

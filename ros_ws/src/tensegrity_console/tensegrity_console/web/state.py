@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a console knows: plain data, made by `ros_side`, shown by `scene` and by the page."""
+"""What a console knows: plain data, made by `ros_client`, shown by `scene` and by the page."""
 
 from __future__ import annotations
 
@@ -26,14 +26,23 @@ class Facts:
     """Newest of everything; None and empty: not heard yet.
 
     Attributes:
-        joints_m: twin's joints (12, 3), then its box. tendon_n: (24,). strut_n: (6,), + tension. ground_n: (12,).
-        lengths_m: commanded rest lengths, NaN unknown. seen_m: joints as observed (12, 3).
-        predicted, observed: faces; source: whose word the observed one is.
+        joints_m: twin's joints (12, 3), then its box.
+        tendon_n: (24,).
+        strut_n: (6,), + tension.
+        ground_n: (12,).
+        lengths_m: commanded rest lengths, NaN unknown.
+        seen_m: joints as observed (12, 3).
+        predicted, observed: faces;
+        source: who observed it.
         state, reason, holder, link_ok, virtual, time_scale, duty_left_s, battery_v, bag, bag_messages: of the bridge.
         diagnostics: (name, level 0..3, words) of each part.
-        rehearsal: odds of the neighbours, as `rehearsal_of` makes it. way_m: planned centres (n, 2). goal_m: place.
-        roll, travel: feedback of what is under way, as plain data. last: how the last one ended.
-        trial: what a session shows, as plain data. unrehearsed: why there are no odds.
+        rehearsal: odds of the neighbours, as `rehearsal_of` makes it.
+        way_m: planned centres (n, 2).
+        goal_m: place.
+        roll, travel: feedback of what is under way, as plain data.
+        last: how the last one ended.
+        trial: what a session shows, as plain data.
+        unrehearsed: why there are no odds.
         heard, twin_heard: when (time.monotonic) bridge and twin were heard last.
     """
 
@@ -98,7 +107,7 @@ class Page:
 
 
 def document_of(facts: Facts, selection: Selection, now: float) -> dict[str, Any]:
-    """What a page shows, for JSON: no NaN, no infinity. Args: now: time.monotonic()."""
+    """What a page shows, for JSON: no NaN, no infinity. `now`: time.monotonic()."""
     silent_s = now - facts.heard
     return _finite(_document(facts, selection, now, silent_s))
 

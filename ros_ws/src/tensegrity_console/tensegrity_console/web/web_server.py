@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The console's page and sockets, on one port (tornado); who may use them is `guarded`'s to judge.
+"""The console's page and sockets, on one port (tornado); who may use them is decided in `access`.
 
 Under the token: the page; `link`, a socket that tells facts and takes orders; `scene`, the 3D view's own page, and its socket,
 between which and viser stands `view_messages`. viser has no port.
@@ -50,9 +50,11 @@ class Orders(Protocol):
 
     pages: dict[str, Page]
 
-    def arrived(self) -> Page: ...
+    def arrived(self) -> Page:
+        """A page was opened."""
 
-    def left(self, page: Page) -> None: ...
+    def left(self, page: Page) -> None:
+        """A page was closed."""
 
     def carry_out(self, page: Page, order: dict[str, Any], answer: Reply) -> None:
         """The answer may come from any thread."""
@@ -184,12 +186,15 @@ class Server:
     """Made, and run, in one thread.
 
     Attributes:
-        links: the pages that are connected, by number. orders: carries out what they ask for. clicked: told of a page's click.
-        scene: path of viser's socket. url: where a person opens it.
+        links: the pages that are connected, by number.
+        orders: carries out what they ask for.
+        clicked: told of a page's click.
+        scene: path of viser's socket.
+        url: where a person opens it.
     """
 
     def __init__(self, host: str, port: int, token: str, scene: Path, orders: Orders, clicked: Callable[[Page, Click], None]):
-        """Listen. Args: port: 0: any free one. Raises ConsoleError: the port is taken, or no such address is here."""
+        """Listen. `port`: 0: any free one. Raises ConsoleError: the port is taken, or no such address is here."""
         import viser
 
         self.links: dict[str, _Link] = {}

@@ -64,11 +64,14 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
     """Play a bag to its end.
 
     Args:
-        rate: recorded seconds per second. twin: start one that follows.
+        bag: its file.
+        rate: recorded seconds per second.
+        twin: start a twin that follows.
         told: called with the seconds played, and of the whole bag.
 
     Raises:
-        BagError, ReplayError: the bag cannot be read, or be a bridge's. StackError: a bridge lives, or the twin does not come up.
+        BagError, ReplayError: the bag cannot be read, or be a bridge's.
+        StackError: a bridge lives, or the twin does not come up.
     """
     read = read_bag(bag, topics=(*TOLD, TWIN))
     session = read.session()
@@ -154,7 +157,8 @@ def _due(session: Session, first_seq: int) -> list[Recorded]:
     """What is played, in the order of recording. The stream begins where the recorded twin's did, so that its states are the same.
 
     Raises:
-        StackError: nothing is. ReplayError: no bridge can have told it.
+        StackError: nothing is.
+        ReplayError: no bridge can have told it.
     """
     found = [recorded._replace(topic=_live_name(name)) for name, all_ in session.messages.items() for recorded in all_]
     due = sorted((one for one in found if one.topic in TOLD), key=lambda one: one.log_time_ns)

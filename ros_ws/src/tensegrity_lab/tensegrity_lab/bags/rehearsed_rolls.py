@@ -20,8 +20,13 @@ class Foretold(NamedTuple):
     """One roll.
 
     Attributes:
-        bag: file name. source, target: faces. primitive: name. odds: share of rehearsals that succeeded. members: of these.
-        likely: where most of them ended. won: the robot was seen on the target after actuation and after the return.
+        bag: file name.
+        source, target: faces.
+        primitive: name.
+        odds: share of rehearsals that succeeded.
+        members: of these.
+        likely: where most of them ended.
+        won: the robot was seen on the target after actuation and after the return.
         ended: face it was seen on in the end; None: on none, or nobody looked.
     """
 

@@ -29,7 +29,7 @@ class ReplayError(BridgeError):
 
 @dataclass(frozen=True)
 class FaceCheck:
-    """Where twin and robot stood when the robot had settled: robot time (s), faces, whose word the face is."""
+    """Where twin and robot stood when the robot had settled: robot time (s), both faces, and who observed."""
 
     time_s: float
     predicted: str | None
@@ -38,6 +38,7 @@ class FaceCheck:
 
     @property
     def agrees(self) -> bool:
+        """Whether both stood on the same face."""
         return self.predicted == self.observed
 
 
@@ -46,11 +47,16 @@ class Replay:
     """What a replay found.
 
     Attributes:
-        digest: sha256 of the twin's final state. step: its step count. model_hash: of the model used.
-        live_states: states of the live twin in the bag that can be compared. same_states: those with the same bits.
+        digest: sha256 of the twin's final state.
+        step: its step count.
+        model_hash: of the model used.
+        live_states: states of the live twin in the bag that can be compared.
+        same_states: those with the same bits.
         faces: twin against record at settled observations, one for every change.
-        final: the twin's last face; recorded: the last face seen (None: nobody looked).
-        times_s, twin_m: path of the twin's centre, (n,) and (n, 3). lengths_m: sent rest lengths, (n, 6).
+        final: the twin's last face.
+        recorded: the last face seen (None: nobody looked).
+        times_s, twin_m: path of the twin's centre, (n,) and (n, 3).
+        lengths_m: sent rest lengths, (n, 6).
         resets: observations that contradicted the twin.
         origin_s: robot time of the first event, from which all times here count.
     """
@@ -89,7 +95,7 @@ def require_same_model(session: Session, model: Model) -> None:
     """Whether the software of today makes of the bag's numbers the model that the bag was recorded with.
 
     Raises:
-        ReplayError: It does not; both hashes are named.
+        ReplayError: it does not; both hashes are named.
     """
     recorded, built = session.metadata.get("session", {}).get("model", ""), label_of(model.hash)
     if recorded and recorded != built:
@@ -151,7 +157,9 @@ def replay(
     """Step a fresh twin through the bag; compare bits with the live twin's and faces with those observed.
 
     Args:
-        model: default: the bag's own. actuators: of the twin, for a `following` model; None: ideal ones.
+        session: the bag, read.
+        model: default: the bag's own.
+        actuators: of the twin, for a `following` model; None: ideal ones.
         report: called with (events done, total).
     """
     model = model or model_of(session)

@@ -9,8 +9,11 @@ from hardware_bridge.recording.bag_reader import BagError, Session, seconds_of
 
 
 class Outcome(NamedTuple):
-    """One try: the face before, the policy in mm, the faces seen at rest after actuation and after the return; when it was asked
-    for (s, ROS time)."""
+    """One try of a gait.
+
+    The face before, the policy in mm, the faces seen at rest after actuation and after the return; when it was asked for (s, ROS
+    time).
+    """
 
     source: str | None
     policy: tuple[int, ...]

@@ -35,10 +35,12 @@ class Course:
     """One trial, replayed.
 
     Attributes:
-        line: the record. actuated, returned: where the twin stood at rest after actuation and after the return; None: on no face.
+        line: the record.
+        actuated, returned: where the twin stood at rest after actuation and after the return; None: on no face.
         faces: the twin's faces on the way, the source first.
-        times_s: when the observer saw joints (s of robot time after the roll was asked for), (n,). apart_m: mean distance of the
-            twelve joints then, both laid over each other as they stood at first, (n,). Empty: nobody observed joints.
+        times_s: when the observer saw joints (s of robot time after the roll was asked for), (n,).
+        apart_m: mean distance of the twelve joints then, both laid over each other as they stood at first, (n,). Empty: nobody
+            observed joints.
         sent_s, lengths_m: rest lengths sent, (m,), (m, 6).
     """
 
@@ -127,7 +129,9 @@ def replay_trial(bag: Bag, line: Line, model: Model) -> Course:
     It is told no observed face, so that its end is its own.
 
     Raises:
-        SessionError: nothing was sent in that trial. BagError: the bag cannot be decoded. ReplayError: no bridge sent this.
+        SessionError: nothing was sent in that trial.
+        BagError: the bag cannot be decoded.
+        ReplayError: no bridge sent this.
     """
     try:
         session = bag.session(utc_ns(line.began), utc_ns(line.recorded))

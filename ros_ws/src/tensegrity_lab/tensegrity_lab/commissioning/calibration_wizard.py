@@ -29,7 +29,7 @@ def ask_robot(file: Path, given: str, console: Console) -> str:
     """The robot's name: the given one, the unfinished calibration's, or as a person types it; a finished one's is offered.
 
     Raises:
-        CalibrationError: It is no name, or the unfinished calibration is another robot's.
+        CalibrationError: it is no name, or the unfinished calibration is another robot's.
     """
     unfinished = Unfinished(file)
     if given:
@@ -132,7 +132,7 @@ class Walk:
         check_straight(name, short, long, middle)
         self._say(f"Trim: bring it to exactly {mid_mm:g} mm. {_JOG}.")
         zero_us = self._jog(name, channel, longer)
-        return fit(name, channel, short, long, zero_us, mid_mm)
+        return fit(name, channel, short, long, zero_us)
 
     def _channel(self, name: str) -> int:
         taken = {strut.channel: other for other, strut in self._unfinished.struts.items()}

@@ -51,6 +51,8 @@ def examine(port: str, board: Board, baud: int, calibration: Path | None) -> Ite
 
     Args:
         port: device or socket://HOST:PORT of the board; empty: the virtual prototype's link.
+        board: its kind.
+        baud: rate of the port.
         calibration: its file; None: none is given.
     """
     from tensegrity_lab.commissioning.port_checks import check_bluetooth, check_port

@@ -48,9 +48,9 @@ def check_port(port: str, baud: int, board: Board) -> Iterator[Finding]:
 
 
 def check_bluetooth(port: str, sys: Path = Path("/sys")) -> Iterator[Finding]:
-    """Adapter and pairing, for an rfcomm port. Args: sys: of the kernel."""
+    """Adapter and pairing, for an rfcomm port. `sys`: of the kernel."""
     what = "pairing"
-    if not os.path.basename(port).startswith("rfcomm"):
+    if not Path(port).name.startswith("rfcomm"):
         yield Finding(what, Health.SKIPPED, "not a Bluetooth port")
         return
     blocked = [row for row in (sys / "class/rfkill").glob("*") if _text(row / "type") == "bluetooth" and _text(row / "soft") == "1"]
@@ -78,13 +78,13 @@ def _paired() -> Finding:
 
 
 def _check_there(port: str) -> Finding:
-    if not os.path.exists(port):
-        name = os.path.basename(port)
+    if not os.path.exists(port):  # noqa: PTH110 (no error where it may not be looked at)
+        name = Path(port).name
         mend = "plug the board in and look at: ls /dev/tty*"
         if name.startswith("rfcomm"):
             mend = f"switch the robot on, then: sudo rfcomm bind {name.removeprefix('rfcomm') or 0} MAC 1"
         return Finding("port", Health.MEND, f"{port} does not exist", mend)
-    if not stat.S_ISCHR(os.stat(port).st_mode):
+    if not stat.S_ISCHR(Path(port).stat().st_mode):
         return Finding("port", Health.MEND, f"{port} is no serial port", "give a tty, such as /dev/rfcomm0 or /dev/ttyUSB0")
     return Finding("port", Health.FINE, f"{port} exists")
 
@@ -94,7 +94,7 @@ def _check_allowed(port: str) -> Finding:
     if os.access(port, os.R_OK | os.W_OK):
         return Finding(what, Health.FINE, f"{port} may be read and written")
     try:
-        group = grp.getgrgid(os.stat(port).st_gid).gr_name
+        group = grp.getgrgid(Path(port).stat().st_gid).gr_name
     except (OSError, KeyError):
         group = "dialout"
     mend = f"run: sudo usermod -aG {group} $USER, then log out and in again"

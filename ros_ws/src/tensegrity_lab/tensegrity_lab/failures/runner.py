@@ -21,10 +21,10 @@ class Outcome:
     """What came of a scenario.
 
     Attributes:
-        scenario: Which.
-        evidence: What was seen; empty if it failed.
-        problem: Why it failed; empty if the failure was survived.
-        seconds: Wall time that it took.
+        scenario: which.
+        evidence: what was seen; empty if it failed.
+        problem: why it failed; empty if the failure was survived.
+        seconds: wall time that it took.
     """
 
     scenario: Scenario
@@ -41,7 +41,11 @@ def run(
 ) -> Iterator[Outcome]:
     """Runs rows, in the order that shares most; yields what came of each.
 
-    Args: began: told each row before it runs. domain: of ROS; None: any that is free. say: told a line for people.
+    Args:
+        numbers: of the rows to run.
+        began: told each row before it runs.
+        domain: of ROS; None: any that is free.
+        say: told a line for people.
     """
     with private_domain(domain) as own, scratch() as folder:
         say(own.words)

@@ -17,9 +17,9 @@ class Evidence:
     """What was seen.
 
     Attributes:
-        told: What the operator reads: the stack's own words, in the order in which they came.
-        figures: What was measured, by name with its unit.
-        rows: Table rows of boards: for each board, what was found.
+        told: what the operator reads: the stack's own words, in the order in which they came.
+        figures: what was measured, by name with its unit.
+        rows: table rows of boards: for each board, what was found.
     """
 
     told: list[str] = field(default_factory=list)
@@ -38,11 +38,11 @@ class Scenario:
     """One row of the table of failures.
 
     Attributes:
-        number: Its row.
-        failure: What goes wrong.
-        happens: What the stack does about it.
-        remedy: What the operator does about it.
-        run: Makes it happen; raises AssertionError if anything else comes of it than must.
+        number: its row.
+        failure: what goes wrong.
+        happens: what the stack does about it.
+        remedy: what the operator does about it.
+        run: makes it happen; raises AssertionError if anything else comes of it than must.
     """
 
     number: int

@@ -35,18 +35,18 @@ def heading(text: str) -> str:
 
 
 def paragraph(text: str, kind: str = "") -> str:
-    """A paragraph. Args: kind: "note" or "virtual"."""
+    """A paragraph. `kind`: "note" or "virtual"."""
     return f'<p class="{kind}">{escape(text)}</p>' if kind else f"<p>{escape(text)}</p>"
 
 
 def picture(path: Path, what: str) -> str:
-    """A PNG, inside the page. Args: what: it shows, for those who cannot see it."""
+    """A PNG, inside the page. `what`: it shows, for those who cannot see it."""
     data = base64.b64encode(path.read_bytes()).decode()
     return f'<p><img alt="{escape(what)}" src="data:image/png;base64,{data}"></p>'
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]], codes: Sequence[int] = ()) -> str:
-    """A table; numbers go right. Args: codes: columns that hold commands."""
+    """A table; numbers go right. `codes`: columns that hold commands."""
     lines = ["<table><tr>" + "".join(f"<th>{escape(cell)}</th>" for cell in head) + "</tr>"]
     for row in rows:
         cells = []

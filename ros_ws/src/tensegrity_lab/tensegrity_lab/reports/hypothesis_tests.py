@@ -107,7 +107,9 @@ def two_kinds(strata: Sequence[int], first: Sequence[bool], wins: Sequence[bool]
     """Compare two kinds of trials, stratum by stratum (Mantel and Haenszel 1959).
 
     Args:
-        strata: which stratum (a primitive) each trial is of. first: whether it is of the first kind. wins: whether it succeeded.
+        strata: which stratum (a primitive) each trial is of.
+        first: whether it is of the first kind.
+        wins: whether it succeeded.
     """
     s, kind, won = np.asarray(strata), np.asarray(first, dtype=bool), np.asarray(wins, dtype=bool)
     excess, variance = _excess(s, kind, won)
@@ -144,7 +146,10 @@ def many_kinds(strata: Sequence[int], kinds: Sequence[int], wins: Sequence[bool]
     """Permutation test: outcomes are shuffled among the trials of each stratum (a primitive).
 
     Args:
+        strata: which stratum each trial is of.
         kinds: which kind (a pair of faces) each trial is of.
+        wins: whether each trial succeeded.
+        seed: of the permutations.
 
     None: no stratum has two kinds and two outcomes.
     """
@@ -200,7 +205,8 @@ class Calibration(NamedTuple):
     """How well probabilities predict outcomes.
 
     Attributes:
-        brier: mean squared difference (0: perfect; 0.25: a coin). expected, observed: mean probability, share of successes.
+        brier: mean squared difference (0: perfect; 0.25: a coin).
+        expected, observed: mean probability, share of successes.
         bins: (low, high, trials, mean probability, share of successes) of every range of probabilities that has trials.
     """
 

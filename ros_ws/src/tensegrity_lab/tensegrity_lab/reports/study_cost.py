@@ -30,8 +30,11 @@ class Figures(NamedTuple):
     """Measured.
 
     Attributes:
-        primitives: of the library. cost: of the study. chunk_rolls: rolls in a chunk of a large study.
-        sent_bytes, back_bytes: pickled chunk and its trials. task_s: time of the cluster's scheduler and client a chunk.
+        primitives: of the library.
+        cost: of the study.
+        chunk_rolls: rolls in a chunk of a large study.
+        sent_bytes, back_bytes: pickled chunk and its trials.
+        task_s: time of the cluster's scheduler and client a chunk.
     """
 
     primitives: int
@@ -52,7 +55,7 @@ def figures_of(prototype: Prototype, study: Study) -> Figures:
     return Figures(len(study.primitives), study.cost, len(chunk.jobs), *sizes, _overhead_s(chunk))
 
 
-def no_work(chunk: Chunk, sources: str) -> Trials:
+def no_work(chunk: Chunk, _sources: str) -> Trials:
     """Trials as large as a chunk's, of nothing done."""
     n = len(chunk.jobs)
     a, b, c, d, e = np.zeros((5, n), dtype=np.float32)

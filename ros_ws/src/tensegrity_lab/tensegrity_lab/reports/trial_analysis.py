@@ -39,7 +39,9 @@ class Told:
     """One session's ledger, read.
 
     Attributes:
-        folder: the session. lines: every trial with its outcome, in order, revoked ones too. revoked: their numbers.
+        folder: the session.
+        lines: every trial with its outcome, in order, revoked ones too.
+        revoked: their numbers.
         damaged: lines cut short.
     """
 
@@ -50,6 +52,7 @@ class Told:
 
     @property
     def path(self) -> Path:
+        """The session's folder."""
         return self.folder.path
 
     @cached_property
@@ -75,7 +78,9 @@ class Group:
     """Sessions that are reported together.
 
     Attributes:
-        sessions: in the order given. lines: all their valid trials. names: of the primitives, in the libraries' order.
+        sessions: in the order given.
+        lines: all their valid trials.
+        names: of the primitives, in the libraries' order.
         virtual: whether these are virtual trials.
     """
 

@@ -38,7 +38,7 @@ class Report:
     """
 
     def __init__(self, sessions: Sequence[Path], against: Sequence[Path], command: str):
-        """Read the sessions. Args: command: that makes the report, for people. Raises SessionError, see `Group`."""
+        """Read the sessions. `command`: that makes the report, for people. Raises SessionError, see `Group`."""
         self.groups = [Group(sessions), *([Group(against)] if against else [])]
         self.test: MannWhitney | None = mann_whitney(self.groups[0].values, self.groups[1].values) if against else None
         self._command = command

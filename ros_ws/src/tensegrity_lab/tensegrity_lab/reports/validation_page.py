@@ -18,6 +18,7 @@ def number(value: float, digits: int = 6) -> str:
 
 
 def with_unit(value: float, unit: str) -> str:
+    """A number with its unit; "1" is none."""
     return number(value) if unit == "1" else f"{number(value)} {unit}"
 
 

@@ -33,10 +33,13 @@ class Settings:
     """What makes two trials comparable. It never changes once the session has begun.
 
     Attributes:
-        name: of the session. created: UTC, ISO 8601.
-        library, library_hash: of the gaits. primitives, gaits, repeats: as asked for.
+        name: of the session.
+        created: UTC, ISO 8601.
+        library, library_hash: of the gaits.
+        primitives, gaits, repeats: as asked for.
         order_seed: drew the order.
-        robot: which prototype. virtual_robot: it is simulated; then perturbation, seed and actuators say which.
+        robot: which prototype.
+        virtual_robot: it is simulated; then perturbation, seed and actuators say which.
         computed: by what, if no stack ran: such trials are virtual, and each begins as the model places the robot; empty: they ran.
     """
 
@@ -61,7 +64,8 @@ class SessionFolder:
     """A session that has begun.
 
     Attributes:
-        path: its folder. settings, plan, library: what was written at its beginning.
+        path: its folder.
+        settings, plan, library: what was written at its beginning.
     """
 
     path: Path
@@ -148,6 +152,7 @@ def locked(path: Path, say: Any) -> Iterator[int]:
     """Holds a session's lock; its descriptor, for the stack's processes to hold too.
 
     Args:
+        path: the session's folder.
         say: told for people why it waits: a session that was killed leaves processes that are closing its bag.
 
     Raises:

@@ -101,7 +101,9 @@ class Ledger:
     """A ledger to append to.
 
     Attributes:
-        path: the file. lines: all whole lines so far. damaged: lines that are cut short.
+        path: the file.
+        lines: all whole lines so far.
+        damaged: lines that are cut short.
     """
 
     def __init__(self, folder: Path):

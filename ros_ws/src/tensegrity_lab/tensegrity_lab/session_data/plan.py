@@ -28,8 +28,11 @@ class Slot(NamedTuple):
     """One gait that is to be tried once.
 
     Attributes:
-        primitive, roll_class, source, target: which gait. repeat: from 1. proper: by a rotation.
-        policy_mm: strokes of S1..S6 (mm). odds: predicted probability of success; NaN: nobody knows.
+        primitive, roll_class, source, target: which gait.
+        repeat: from 1.
+        proper: by a rotation.
+        policy_mm: strokes of S1..S6 (mm).
+        odds: predicted probability of success; NaN: nobody knows.
         predicted: feasible on the nominal model.
     """
 
@@ -112,8 +115,11 @@ def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph
     """Every gait `repeats` times, in an order that the seed draws.
 
     Args:
+        gaits: what is to be tried.
         predicted: for each gait, whether the nominal model says that it is feasible.
         graph: knows the odds.
+        repeats: trials of each gait.
+        seed: of the order.
     """
     slots = []
     for gait, feasible in zip(gaits, predicted, strict=True):

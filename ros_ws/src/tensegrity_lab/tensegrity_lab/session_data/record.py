@@ -39,14 +39,19 @@ class Line:
     """A line of the ledger. Every line of a trial has all that is known then; see TrialRecord.msg for each field.
 
     Attributes:
-        event: what it says. number: of the trial in its session, from 1; a revocation has the number of what it revokes.
+        event: what it says.
+        number: of the trial in its session, from 1; a revocation has the number of what it revokes.
         recorded, began: when the line was written, and when the roll was asked for: UTC, ISO 8601, microseconds.
-        session, experimenter, robot: who. virtual_robot: a virtual trial.
+        session, experimenter, robot: who.
+        virtual_robot: a virtual trial.
         library, library_hash, primitive, roll_class, source, target, repeat, proper, policy_mm: what.
-        odds: predicted probability of success; NaN: nobody knows. predicted: the nominal model says that it is feasible.
+        odds: predicted probability of success; NaN: nobody knows.
+        predicted: the nominal model says that it is feasible.
         outcome, reason, observed_face, faces: how it ended; faces in order, the source first.
-        robot_s: robot time, first to last move (s); NaN: it did not end. wall_s: from `began` to the outcome (s).
-        battery_v: servo supply (V); NaN: the board does not tell. faults: what the bridge complained of.
+        robot_s: robot time, first to last move (s); NaN: it did not end.
+        wall_s: from `began` to the outcome (s).
+        battery_v: servo supply (V); NaN: the board does not tell.
+        faults: what the bridge complained of.
         bag, bag_offset_s: file name, and where in it the roll begins (s after its first message).
     """
 
@@ -91,7 +96,7 @@ COLUMNS = (*(field.name for field in fields(Line)), "check")
 
 
 def utc_text(time_ns: int) -> str:
-    """A ROS time as the ledger writes it. Args: time_ns: since 1970."""
+    """A ROS time as the ledger writes it. `time_ns`: since 1970."""
     return datetime.fromtimestamp(time_ns // 1000 / 1e6, UTC).strftime("%Y-%m-%dT%H:%M:%S.%fZ")
 
 
@@ -149,7 +154,7 @@ def line_of_cells(cells: dict[str, str]) -> Line:
             raise SessionError(
                 f"column {field.name} of a trial is {brief(cells.get(field.name))}: {one_line(str(error))}"
             ) from error
-    return Line(**values)  # type: ignore[arg-type]
+    return Line(**values)  # type: ignore[arg-type]  # each column was parsed by its type
 
 
 def _boolean(text: str) -> bool:

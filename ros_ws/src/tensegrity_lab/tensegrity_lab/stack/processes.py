@@ -119,7 +119,7 @@ class Uninterrupted:
         self._old = [signal.signal(number, self._remember) for number in (signal.SIGINT, signal.SIGTERM)]
         return self
 
-    def _remember(self, number: int, frame: FrameType | None) -> None:
+    def _remember(self, _number: int, _frame: FrameType | None) -> None:
         self.interrupted = True
 
     def __exit__(self, *details: object) -> None:

@@ -52,7 +52,7 @@ class LateOrders:
         self.worst_s = 0.0
 
     def too_late(self, time_scale: float) -> str:
-        """Why what the virtual prototype did does not count; empty: it was in time. Args: time_scale: robot seconds per second."""
+        """Why what the virtual prototype did does not count; empty: it was in time. `time_scale`: robot seconds per second."""
         if self.worst_s <= LATE_S:
             return ""
         return (

@@ -28,6 +28,8 @@ def start_prototype(stack: Stack, link: Path, words: Mapping[str, object]) -> Ha
     """Start a virtual prototype; returned as soon as it has proven that the pty at its link is its own.
 
     Args:
+        stack: starts and watches the processes.
+        link: where its pty is linked.
         words: its options, without dashes.
 
     Raises:
@@ -53,8 +55,11 @@ class VirtualRobot:
     """A virtual prototype, and what drives it.
 
     Attributes:
-        face: it starts on. seed, perturbation, incline_deg: of the hidden robot and its ground.
-        time_scale: robot seconds per second. board, actuators, library: names or files. bags: folder.
+        face: it starts on.
+        seed, perturbation, incline_deg: of the hidden robot and its ground.
+        time_scale: robot seconds per second.
+        board, actuators, library: names or files.
+        bags: folder.
     """
 
     face: str = "TC6"
@@ -93,10 +98,13 @@ class VirtualRobot:
         """Start the processes; the link and the bridge's state are in `folder`. Nothing but this prototype can be armed by them.
 
         Args:
-            travels: start the traveller too. planner: further parameters of planner and traveller, (name, value).
+            stack: starts and watches the processes.
+            folder: for links and state.
+            travels: start the traveller too.
+            planner: further parameters of planner and traveller, (name, value).
 
         Returns:
-            The prototype's handshake.
+            the prototype's handshake.
 
         Raises:
             StackError: the virtual prototype does not come up.
@@ -138,10 +146,14 @@ def running(robot: VirtualRobot, name: str, told: Callable[[str], None], domain:
     """A whole stack, traveller too, in a ROS domain of its own, while somebody watches; however that ends, the bag is closed.
 
     Args:
-        name: of whoever watches, for the folder of logs. told: a line for people. domain: this one; None: any that is free.
+        robot: the virtual robot and its stack.
+        name: of whoever watches, for the folder of logs.
+        told: a line for people.
+        domain: this one; None: any that is free.
 
     Raises:
-        SimError, BridgeError: something that cannot be. StackError: the virtual prototype does not come up.
+        SimError, BridgeError: something that cannot be.
+        StackError: the virtual prototype does not come up.
     """
     robot.require()
     robot.compile()

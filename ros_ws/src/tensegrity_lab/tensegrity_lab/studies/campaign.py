@@ -28,10 +28,16 @@ class Asked:
     """What the command line says.
 
     Attributes:
-        output: folder, new. libraries: names or files, the first is set against each other one.
-        primitives, gaits: as `sixstrut trial` takes them. prototypes: how many. seed: of the first of them.
-        perturbation: their scale. sample: trials that go through the stack, too. time_scale: of the stack.
-        page: Markdown to write; None: none. words: the command, for people.
+        output: folder, new.
+        libraries: names or files, the first is set against each other one.
+        primitives, gaits: as `sixstrut trial` takes them.
+        prototypes: how many.
+        seed: of the first of them.
+        perturbation: their scale.
+        sample: trials that go through the stack, too.
+        time_scale: of the stack.
+        page: Markdown to write; None: none.
+        words: the command, for people.
     """
 
     output: Path
@@ -62,7 +68,9 @@ def run(asked: Asked, bar: Callable[[str], Reporter], say: Callable[[str], None]
     """Run a campaign.
 
     Args:
-        bar: title -> a reporter of progress. say: told what goes on.
+        asked: what the user asked for.
+        bar: title -> a reporter of progress.
+        say: told what goes on.
 
     Raises:
         SessionError, LibraryError, ParameterError, OSError.
@@ -120,7 +128,7 @@ def _reports(asked: Asked, sessions: dict[str, list[SessionFolder]]) -> tuple[li
 
 
 def page_of(asked: Asked, campaign: Campaign, images: Path | None) -> str:
-    """The page, as Markdown. Args: images: folder of the pictures, relative to the page; None: beside their reports."""
+    """The page, as Markdown. `images`: folder of the pictures, relative to the page; None: beside their reports."""
     agree = sum(pair.agrees for pair in campaign.pairs)
     count = sum(len(folder.plan) for folders in campaign.sessions.values() for folder in folders)
     libraries = ", ".join(f"`{name}`" for name in campaign.sessions)

@@ -43,7 +43,14 @@ def session_of(
     """Try gaits of a library on the virtual prototype of (perturbation, seed), and write that as a session.
 
     Args:
-        path: its folder, new or empty. primitives, gaits: as `sixstrut trial` takes them.
+        path: its folder, new or empty.
+        nominal: model of the nominal prototype.
+        library: the gait library.
+        primitives: as `sixstrut trial` takes them.
+        gaits: as `sixstrut trial` takes them.
+        perturbation: scale of the law that the prototype is drawn by.
+        seed: of the prototype and of the order.
+        report: called with (done, total).
 
     Raises:
         SessionError: no such gaits, or the folder holds something else. ParameterError, OSError.

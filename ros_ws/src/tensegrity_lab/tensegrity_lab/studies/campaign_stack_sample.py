@@ -41,7 +41,8 @@ class Pair(NamedTuple):
 def chosen(sessions: Sequence[SessionFolder], count: int, seed: int) -> Mapping[Path, list[Slot]]:
     """Slots of sessions, drawn by a seed: half of them computed failures, as far as there are any, the rest successes.
 
-    Returns: session's folder -> slots in its plan's order.
+    Returns:
+        session's folder -> slots in its plan's order.
     """
     rows = [(folder, line) for folder in sessions for line in read_told(folder.path).valid]
     lost = [row for row in rows if row[1].outcome is Outcome.FAILURE]
@@ -62,7 +63,10 @@ def through_the_stack(folder: SessionFolder, slots: Sequence[Slot], path: Path, 
     """Try slots of a computed session with `sixstrut trial`, on the prototype of the same seed and scale, with ideal actuators.
 
     Args:
+        folder: the computed session.
+        slots: of its plan, to be tried again.
         path: folder of the stack's session.
+        time_scale: robot seconds per second.
 
     Raises:
         SessionError: the stack could not go on; its own words are repeated.

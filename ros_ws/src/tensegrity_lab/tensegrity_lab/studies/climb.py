@@ -36,7 +36,7 @@ class Climbed(NamedTuple):
 def roll(
     prototype: Prototype, gait: Gait, actuators: ActuatorParameters | None, incline_deg: float, downhill_rad: float
 ) -> Climbed:
-    """One roll of the nominal robot and its return, at constant speed. Args: actuators: None: ideal ones."""
+    """One roll of the nominal robot and its return, at constant speed. `actuators`: None: ideal ones."""
     if actuators is None:
         body = SimulatedBody(gait.source, 0.0, 0, None, incline_deg, downhill_rad)
     else:
@@ -87,7 +87,7 @@ def steepest_deg(prototype: Prototype, gait: Gait, actuators: ActuatorParameters
 
 
 def climbs_of(library: Library, actuators: ActuatorParameters | None, words: str, tell: Callable[[str], None]) -> Climbs:
-    """Every primitive's reference gait. Args: words: the actuators, for people. tell: told each primitive's name before it."""
+    """Every primitive's reference gait. `words`: the actuators, for people. `tell`: told each primitive's name before it."""
     prototype = load_prototype()
     found = {}
     for primitive in library.primitives:

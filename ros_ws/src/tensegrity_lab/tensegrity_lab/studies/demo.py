@@ -56,7 +56,7 @@ def run(plan: Plan) -> int:
     plan.robot.require()
     plan.robot.bags.mkdir(parents=True, exist_ok=True)
 
-    def interrupt(number: int, frame: Any) -> None:
+    def interrupt(_number: int, _frame: Any) -> None:
         raise Interrupted
 
     signal.signal(signal.SIGTERM, interrupt)

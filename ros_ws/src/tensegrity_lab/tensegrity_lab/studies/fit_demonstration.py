@@ -38,7 +38,7 @@ PREDICTING = 64
 
 @dataclass(frozen=True)
 class Setting:
-    """What is demonstrated: hidden robots, trials of each, primitives of each class; how to fit (`fitting.fit`); a seed.
+    """What is demonstrated: hidden robots, trials of each, primitives of each class; how to fit (`ensemble_fit.fit`); a seed.
 
     Attributes:
         searched: for so many of the robots, those that the shipped library `robust` does worst on, a library is searched on the
@@ -63,8 +63,11 @@ class Case:
     """One hidden robot.
 
     Attributes:
-        hidden: what it is. found: the fit, which never saw it. estimates: what that says, parameter by parameter.
-        won: of its trials, how many succeeded. steepness: fitted steepness (deg), mean.
+        hidden: what it is.
+        found: the fit, which never saw it.
+        estimates: what that says, parameter by parameter.
+        won: of its trials, how many succeeded.
+        steepness: fitted steepness (deg), mean.
         scores: log score of the held-out gaits by the default ensemble, the prior, and the fitted ensemble (nats).
         chosen: rolls, of 48, that succeed when the planner's gait is chosen by the default odds and by the fitted odds; and how
             many have any gait that succeeds.
@@ -106,6 +109,9 @@ def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[
     """Run it. The same setting gives the same figures.
 
     Args:
+        model: the robot's model.
+        library: the gait library.
+        setting: what is demonstrated.
         bar: title -> a reporter of progress.
     """
     names = dict.fromkeys(p.roll_class.name for p in library.primitives)

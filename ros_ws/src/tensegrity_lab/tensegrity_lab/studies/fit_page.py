@@ -28,7 +28,7 @@ real robot.
 
 
 def page_of(shown: Demonstration, model_hash: str) -> str:
-    """The page, as Markdown. Args: model_hash: of the nominal model."""
+    """The page, as Markdown. `model_hash`: of the nominal model."""
     s, cases = shown.setting, shown.cases
     low, high = (100 * value for value in LOW_FRICTION)
     fits = [

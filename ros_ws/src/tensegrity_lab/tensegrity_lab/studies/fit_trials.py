@@ -31,8 +31,12 @@ class Tries:
     """What was tried on one robot.
 
     Attributes:
-        sources: names of the sessions and bags. robot: its name. virtual: virtual trials.
-        library: of all gaits. seen: the trials. names: the primitive of each.
+        sources: names of the sessions and bags.
+        robot: its name.
+        virtual: virtual trials.
+        library: of all gaits.
+        seen: the trials.
+        names: the primitive of each.
     """
 
     sources: tuple[str, ...]
@@ -55,7 +59,9 @@ def read_tries(paths: Sequence[Path], model: Model, library: str | None = None) 
     """Read sessions' folders and bags.
 
     Args:
-        model: that is to be fitted. library: of bags; default: the shipped one that their records name, or `robust`.
+        paths: sessions' folders and bags.
+        model: that is to be fitted.
+        library: of bags; default: the shipped one that their records name, or `robust`.
 
     Raises:
         SessionError: nothing to fit to, several robots or libraries, virtual and real trials mixed, or gaits of another model.

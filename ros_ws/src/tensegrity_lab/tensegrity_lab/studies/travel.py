@@ -33,10 +33,15 @@ class Trip:
     """A travel that is over; see the action Travel.
 
     Attributes:
-        goal_m: place. library: name. use_odds: reliable gaits were preferred.
-        late_s: how late the virtual prototype took its orders at worst (s of robot time). time_scale: robot seconds per second.
-        path_m: how far its centre went from rest to rest. places_m: where that was seen, (n, 2).
-        seed, incline_deg, perturbation: of the robot. bag: file.
+        goal_m: place.
+        library: name.
+        use_odds: reliable gaits were preferred.
+        late_s: how late the virtual prototype took its orders at worst (s of robot time).
+        time_scale: robot seconds per second.
+        path_m: how far its centre went from rest to rest.
+        places_m: where that was seen, (n, 2).
+        seed, incline_deg, perturbation: of the robot.
+        bag: file.
     """
 
     goal_m: tuple[float, float]
@@ -80,11 +85,19 @@ def travel(
     """Start a stack, arm, travel, end it all.
 
     Args:
-        folder: for links and state. tell: told what goes on. reach_m, most_rolls: 0: the traveller's.
-        domain: of ROS; None: any that is free. say: told a line for people that is to stay.
+        robot: the virtual robot and its stack.
+        goal_m: (x, y) on the floor, in [m].
+        folder: for links and state.
+        tell: told what goes on.
+        reach_m: how near is there, in [m]; 0: the traveller's own.
+        most_rolls: rolls after which it gives up; 0: the traveller's own.
+        use_odds: plan by the library's odds; else all gaits count alike.
+        domain: of ROS; None: any that is free.
+        say: told a line for people that is to stay.
 
     Raises:
-        StackError: the stack does not come up, or a process of it dies. KeyboardInterrupt: with the struts held and the bag closed.
+        StackError: the stack does not come up, or a process of it dies.
+        KeyboardInterrupt: with the struts held and the bag closed.
     """
     robot.require()
     robot.bags.mkdir(parents=True, exist_ok=True)

@@ -51,6 +51,7 @@ class Case:
 
     @property
     def key(self) -> Key:
+        """What makes the trip another one than those made."""
         return self.number, self.incline_deg, self.library, self.use_odds
 
     @property
@@ -111,7 +112,11 @@ def study(
     A trip whose robot took its orders too late is none: it is made again, and all after it, at half the time scale.
 
     Args:
-        robot: its seed is that of the first goal. tell: told what goes on. done: told of each trip that is over.
+        cases: the trips.
+        robot: its seed is that of the first goal.
+        folder: where trips and bags are kept.
+        tell: told what goes on.
+        done: told of each trip that is over.
 
     Raises:
         StackError, OSError.
@@ -123,11 +128,11 @@ def study(
             head = f"{count} of {len(cases)}, goal {case.number}, {', '.join(words_of(case.group))}: "
             seed = robot.seed + case.number - 1
             own = replace(robot, seed=seed, incline_deg=case.incline_deg, library=case.library, bags=folder)
-            trip = _trip(own, case, lambda text, head=head: tell(head + text))  # type: ignore[misc]
+            trip = _trip(own, case, lambda text, head=head: tell(head + text))  # type: ignore[misc]  # of the default
             while trip.late_s > LATE_S and own.time_scale > 1.0:
                 robot, own = (replace(one, time_scale=max(1.0, one.time_scale / 2.0)) for one in (robot, own))
                 done(f"{head}orders {trip.late_s:.1f} s of robot time late: again, at {own.time_scale:g} times real time")
-                trip = _trip(own, case, lambda text, head=head: tell(head + text))  # type: ignore[misc]
+                trip = _trip(own, case, lambda text, head=head: tell(head + text))  # type: ignore[misc]  # of the default
             with (folder / TRIPS).open("a", encoding="utf-8") as file:
                 file.write(json.dumps({"number": case.number, **asdict(trip)}) + "\n")
             end = "arrived" if trip.success else trip.reason
@@ -152,7 +157,7 @@ def summary_of(trips: Sequence[Trip]) -> str:
 
 
 def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: str, picture: str) -> str:
-    """The page, as Markdown. Args: left: how many travels are still to be made."""
+    """The page, as Markdown. `left`: how many travels are still to be made."""
     rows = [
         f"| {' | '.join(words_of(group))} | {summary_of([trip for case, trip in found.items() if case.group == group])} |"
         for group in groups_of(found)

@@ -122,7 +122,8 @@ class Person:
         """Wait for one of the keys; u undoes the last trial meanwhile.
 
         Raises:
-            KeyboardInterrupt: q, leave. EOFError: the terminal is gone.
+            KeyboardInterrupt: q, leave.
+            EOFError: the terminal is gone.
         """
         words = [("Enter" if key == ENTER else key, meaning) for key, meaning in choices.items()]
         self._panel.show(question=question, keys=(*words, UNDO, LEAVE))

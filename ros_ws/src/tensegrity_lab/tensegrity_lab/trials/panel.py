@@ -40,10 +40,19 @@ class Shown:
     """What is on the panel.
 
     Attributes:
-        kind: "virtual trials" or "trials". phase: what is going on. source, target: the next gait. primitive: its name.
-        stands: where the robot stands. done, total: trials. successes: of those done. left_s: wall time still to go.
-        link, duty, battery, bag: health, in words. question: what is asked of the person. keys: what may be pressed, and what
-            that does. last: the last outcome. trouble: what is wrong.
+        kind: "virtual trials" or "trials".
+        phase: what is going on.
+        source, target: the next gait.
+        primitive: its name.
+        stands: where the robot stands.
+        done, total: trials.
+        successes: of those done.
+        left_s: wall time still to go.
+        link, duty, battery, bag: health, in words.
+        question: what is asked of the person.
+        keys: what may be pressed, and what that does.
+        last: the last outcome.
+        trouble: what is wrong.
     """
 
     kind: str = ""

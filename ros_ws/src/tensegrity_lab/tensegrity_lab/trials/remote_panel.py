@@ -28,7 +28,7 @@ LONGEST = 200
 
 
 def key_text(key: str, panel: str) -> str:
-    """What is published for a key. Args: panel: id of the panel that it answers."""
+    """What is published for a key. `panel`: id of the panel that it answers."""
     return json.dumps({"panel": panel, "key": key})
 
 

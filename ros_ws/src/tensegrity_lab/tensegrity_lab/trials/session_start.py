@@ -100,7 +100,7 @@ def run(asked: Asked) -> int:
         folder = _open(asked, path, console)
         ledger = Ledger(path)
         pace, forecast = _forecast(asked, folder, ledger)
-        _show_plan(console, asked, folder, ledger, pace, forecast)
+        _show_plan(console, folder, ledger, pace, forecast)
         if asked.plan_only:
             return 0
         return _Run(asked, folder, ledger, forecast, console).run(lock)
@@ -175,7 +175,7 @@ def _forecast(asked: Asked, folder: SessionFolder, ledger: Ledger) -> tuple[Pace
     return pace, estimate(due, last.observed_face if last else "", pace)
 
 
-def _show_plan(console: Console, asked: Asked, folder: SessionFolder, ledger: Ledger, pace: Pace, forecast: Estimate) -> None:
+def _show_plan(console: Console, folder: SessionFolder, ledger: Ledger, pace: Pace, forecast: Estimate) -> None:
     settings, standing = folder.settings, ledger.standing()
     valid = standing.valid
     voids = len(standing.trials) - len(valid)
@@ -290,7 +290,7 @@ def _keyboard() -> Iterator[Keys | None]:
         yield stack.enter_context(pressed()) if sys.stdin.isatty() else None
 
 
-def _interrupt(number: int, frame: Any) -> None:
+def _interrupt(_number: int, _frame: Any) -> None:
     raise KeyboardInterrupt
 
 

@@ -20,8 +20,10 @@ class Pace(NamedTuple):
     """What takes how long.
 
     Attributes:
-        speed_m_s: of an actuator. time_scale: robot seconds per second.
-        hands_s: of wall time that a person, or the program, needs for each trial. placing_s: to put the robot on another face.
+        speed_m_s: of an actuator.
+        time_scale: robot seconds per second.
+        hands_s: of wall time that a person, or the program, needs for each trial.
+        placing_s: to put the robot on another face.
     """
 
     speed_m_s: float
@@ -40,9 +42,11 @@ class Estimate(NamedTuple):
     """A forecast in which every trial succeeds.
 
     Attributes:
-        trials: to go. placings: how often the robot must be carried, or roll elsewhere.
+        trials: to go.
+        placings: how often the robot must be carried, or roll elsewhere.
         rest_s: wall time of resting for duty's sake.
-        wall_s: all of it. busiest_s: robot time that the busiest strut runs.
+        wall_s: all of it.
+        busiest_s: robot time that the busiest strut runs.
     """
 
     trials: int
@@ -61,7 +65,10 @@ def estimate(due: Sequence[Slot], face: str, pace: Pace, limits: Limits | None =
     """Walk through what is due, as the session would, with every trial a success.
 
     Args:
+        due: the slots.
         face: where the robot is; empty: nowhere.
+        pace: how long each part of a trial takes.
+        limits: of the duty; None: none.
     """
     limits = limits or Limits()
     left, duty = list(due), Duty()

@@ -46,10 +46,13 @@ def diagnostics(
     """What is well and what is not.
 
     Args:
+        node: name of the bridge's node.
+        snapshot: of the bridge; None: there is no bridge.
         log: of the bag; None: not recording.
         observer: whether the observer is there; None: none is expected.
         stalled: which strut it sees elsewhere than it was sent; empty: none.
         hint: what to do while there is no bridge.
+        stamp: ROS time.
     """
     if snapshot is None:
         return DiagnosticArray(header=Header(stamp=stamp), status=[_status(f"{node}: link", STALE, hint, "", ())])

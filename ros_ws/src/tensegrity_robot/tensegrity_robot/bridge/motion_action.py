@@ -33,10 +33,13 @@ class MotionServer:
         permit: Callable[[Trajectory, str], None],
         accepted: Callable[[JointTrajectory], None],
     ):
-        """Args:
-        ready: the bridge, if commands are taken, or raises Refused.
-        permit: raises Refused if a motion, with the hash of its library, must not begin now.
-        accepted: told each accepted goal.
+        """Offer the action.
+
+        Args:
+            node: the bridge's node.
+            ready: the bridge, if commands are taken, or raises Refused.
+            permit: raises Refused if a motion, with the hash of its library, must not begin now.
+            accepted: told each accepted goal.
         """
         self._node = node
         self._ready = ready

@@ -47,6 +47,7 @@ class MotionConditions:
         What the supervisor refuses anyhow is left to it: its reason comes first.
 
         Args:
+            trajectory: the motion.
             library_hash: of the library that the motion comes from; empty: from none.
         """
         snapshot = self._bridge.snapshot()

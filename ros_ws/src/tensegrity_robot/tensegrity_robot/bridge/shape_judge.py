@@ -13,8 +13,10 @@ READY_LIMIT_S = 180.0
 
 
 class ShapeRule:
-    """What `hardware_bridge.safety.limit_checks.Rules` wants: six rest lengths (m) -> what is wrong, or None. Waits until it is
-    ready."""
+    """What `hardware_bridge.safety.limit_checks.Rules` wants: six rest lengths (m) -> what is wrong, or None.
+
+    A call waits until the rule is ready.
+    """
 
     def __init__(self, prototype_file: str, slack_limit: int):
         """Args: prototype_file: YAML of the robot's numbers; empty: the nominal ones.
@@ -29,6 +31,7 @@ class ShapeRule:
         threading.Thread(target=self._make, name="shape judge", daemon=True).start()
 
     def __call__(self, lengths_m: tuple[float, ...]) -> str | None:
+        """What is wrong with six rest lengths (m), or None."""
         if not self._ready.wait(READY_LIMIT_S):
             return f"the judge of shapes did not become ready within {READY_LIMIT_S:g} s; start the bridge again"
         return self._problem or self._judge(lengths_m)

@@ -36,9 +36,13 @@ class Lease:
     """
 
     def __init__(self, node: Node, clock: Clock, changed: Callable[[], None], prototype: str = ""):
-        """Args:
-        clock: of the timers, steady. changed: called when the lease was given back.
-        prototype: instance of the only virtual prototype that may be armed; empty: whoever arms says, or any robot.
+        """Begin to listen and to prove.
+
+        Args:
+            node: the planner's or the traveller's.
+            clock: of the timers, steady.
+            changed: called when the lease was given back.
+            prototype: instance of the only virtual prototype that may be armed; empty: whoever arms says, or any robot.
         """
         self._prototype = prototype
         self.held = self.session = ""

@@ -23,7 +23,8 @@ class Rehearsing(NamedTuple):
     """A rehearsal that is over.
 
     Attributes:
-        gaits: the wanted gait first, then the best one to each other neighbouring face. seconds: wall-clock time it took.
+        gaits: the wanted gait first, then the best one to each other neighbouring face.
+        seconds: wall-clock time it took.
     """
 
     gaits: tuple[Rehearsed, ...]

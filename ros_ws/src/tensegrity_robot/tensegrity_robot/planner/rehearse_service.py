@@ -19,7 +19,7 @@ from tensegrity_robot.planner.rehearsal_worker import Rehearser, Rehearsing
 
 
 def wanted_gait(graph: FaceGraph, source: str, target: str, primitive: str) -> Gait:
-    """The gait of a roll. Args: primitive: its name; empty: the most reliable one. Raises SimError, naming what is valid."""
+    """The gait of a roll. `primitive`: its name; empty: the most reliable one. Raises SimError, naming what is valid."""
     require_adjacent(source, target)
     if primitive:
         return gait_of(graph.library.primitive(primitive), source, target)
@@ -37,7 +37,11 @@ def serve_rehearse(
     """Offer it.
 
     Args:
-        rehearser: None: the planner rehearses nothing. where: the face known now; raises RollRefused. busy: a roll is running.
+        node: the planner's.
+        graph: the gaits' graph of faces.
+        rehearser: None: the planner rehearses nothing.
+        where: the face known now; raises RollRefused.
+        busy: a roll is running.
         tell: publishes what was found; the message.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work that takes long, awaited in an executor that goes on meanwhile."""
+"""Long work in a background thread, awaited in an executor that goes on meanwhile."""
 
 from __future__ import annotations
 

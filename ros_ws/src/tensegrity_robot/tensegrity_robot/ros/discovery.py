@@ -20,6 +20,7 @@ def discovery_changes(environ: Mapping[str, str], profile: Path) -> dict[str, st
     they stay as they are.
 
     Args:
+        environ: the environment as it is.
         profile: config/loopback.xml.
     """
     # Fast DDS's shared memory holds locks that all its users wait for: a process killed at the wrong moment would leave the bridge

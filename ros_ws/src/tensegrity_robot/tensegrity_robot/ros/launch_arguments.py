@@ -66,7 +66,7 @@ def require_arguments(given: Mapping[str, str], prefix_of: Callable[[str], str])
         raise StartError(f"port:={port} is a real robot's: give virtual:=false with it")
     if not virtual and not port:
         raise StartError("virtual:=false needs the board's port, such as port:=/dev/rfcomm0")
-    if port and "://" not in port and not os.path.exists(port):
+    if port and "://" not in port and not os.path.exists(port):  # noqa: PTH110 (no error where it may not be looked at)
         raise StartError(f"port:={port} does not exist: power the robot and bind its Bluetooth, or plug its cable in")
     scale = _number(given, "time_scale", 0.01, 100.0)
     if not virtual and scale != 1.0:

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import Field, field, fields
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
 from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
@@ -19,7 +19,10 @@ from rclpy.node import Node
 
 from tensegrity_robot.ros.errors import StartError
 
-T = TypeVar("T")
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+T = TypeVar("T", bound="DataclassInstance")
 
 
 def parameter(
@@ -40,7 +43,7 @@ def declare_parameters(node: Node, settings: type[T]) -> T:
     Raises:
         StartError: a value of the wrong type or outside its range, naming parameter, value and what is valid.
     """
-    return settings(**{row.name: _declare(node, row) for row in fields(settings)})  # type: ignore[arg-type]
+    return settings(**{row.name: _declare(node, row) for row in fields(settings)})
 
 
 def _declare(node: Node, row: Field[Any]) -> Any:

@@ -30,6 +30,9 @@ def markers(robot: Robot, face: str, header: Header, tendon_full_scale_n: float)
     """Struts, tendons, joints, box, ground face and its name.
 
     Args:
+        robot: in its state now.
+        face: the face that it stands on; empty: none.
+        header: frame and stamp of every marker.
         tendon_full_scale_n: tension drawn red; none is blue, slack tendons are pale.
     """
     places = robot.joints_m()

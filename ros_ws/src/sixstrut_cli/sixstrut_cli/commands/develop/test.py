@@ -104,5 +104,5 @@ def _end(process: subprocess.Popen[bytes]) -> None:
             continue
 
 
-def _on_sigterm(number: int, frame: FrameType | None) -> None:
+def _on_sigterm(number: int, _frame: FrameType | None) -> None:
     sys.exit(128 + number)

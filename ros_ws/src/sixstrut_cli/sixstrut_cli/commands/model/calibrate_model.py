@@ -25,9 +25,10 @@ def command(
     keep_ropes: Annotated[bool, typer.Option(help="Only put in what was measured; leave the ropes as they are.")] = False,
     prototype: PrototypeOption = None,
 ) -> None:
-    """Scale the stiffness of all ropes (their stretch stays, so prestress scales alike) until the robot resting on TC6, feet
-    sticking, has its lowest natural frequency where it was measured; check that by a simulated free vibration; write a prototype
-    YAML.
+    """Scale the stiffness of all ropes until the lowest natural frequency is the measured one; write a prototype YAML.
+
+    The robot rests on TC6, feet sticking. The ropes' stretch stays, so prestress scales alike. A simulated free vibration
+    checks the result.
 
     sixstrut calibrate-model -o mine.yaml
     sixstrut calibrate-model --frequency 4.8 --measured joint_mass_kg=0.0091 -o mine.yaml

@@ -26,8 +26,9 @@ def command(
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """The paper's Table 4 for any list of gaits: feasible by the previous model, by the improved model, and by experiment; with the
-    precision, recall and agreement of each model.
+    """The paper's Table 4 for any list of gaits: feasible by the previous model, by the improved model, and by experiment.
+
+    With the precision, recall and agreement of each model.
 
     sixstrut recheck gaits.yaml
     sixstrut recheck gaits.yaml --bag bags/monday.mcap --bag bags/tuesday.mcap

@@ -54,8 +54,9 @@ def command(
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Roll all 24 gaits of every primitive on perturbed, held-out prototypes: success rates with intervals, which uncertainty kills
-    which gait, picture, tables.
+    """Roll all 24 gaits of every primitive on perturbed, held-out prototypes.
+
+    Success rates with intervals, which uncertainty kills which gait, picture, tables.
 
     sixstrut robustness robust --scale 0.1 --picture robust.png --csv robust/
     sixstrut robustness robust --groups judged,slope --prototypes 50 --scheduler tcp://host:8786

@@ -10,9 +10,9 @@ from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
-from numba import njit
 
 from sim_core.dynamics import vfife as k
+from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.simd import ALIGNMENT, WIDTH
@@ -65,7 +65,9 @@ class Engine(Protocol):
 
 
 @njit(nogil=True, cache=True)
-def _advance_blocks(state, par, work, assembly, dt, zeta, reach, steps):
+def _advance_blocks(
+    state: Array, par: Array, work: Array, assembly: k.Assembly, dt: float, zeta: float, reach: float, steps: int
+) -> None:
     for block in range(state.shape[0]):
         k.advance(state[block], par[block], work[block], assembly, dt, zeta, reach, steps)
 
@@ -83,11 +85,13 @@ class SixStrut:
         self._snapshots: dict[Moment, tuple[Array, Array]] = {}
 
     def rolls(self, tasks: Sequence[Task], threads: int) -> list[RollResult]:
+        """See `Engine`."""
         if threads not in self._batches:
             self._batches[threads] = Batch([self.model], threads)
         return self._batches[threads].run([Job(0, task.source, task.policy) for task in tasks])
 
     def crowd(self, moments: Sequence[Moment], count: int, span_s: float, threads: int) -> Crowd:
+        """See `Engine`."""
         rows = [self._snapshot(moments[i % len(moments)]) for i in range(min(count, len(moments)))]
         steps = round(span_s / self.step_s)
         return _OneOfOurs(self, rows[0], steps) if count == 1 else _ManyOfOurs(self, rows, count, steps, threads)

@@ -23,7 +23,8 @@ class Rest:
     """One face. Pairs are (sixstrut, MuJoCo).
 
     Attributes:
-        height_m: of the centre of mass. tendon_n, strut_n: mean force of tendons, mean compression of struts.
+        height_m: of the centre of mass.
+        tendon_n, strut_n: mean force of tendons, mean compression of struts.
         worst_tendon, worst_strut: largest difference of one member, as a share of the mean force of its kind.
     """
 

@@ -67,6 +67,7 @@ class Speed:
 
     @property
     def robot_seconds_per_s(self) -> float:
+        """Seconds of robot time, summed over the robots, in a second."""
         return self.step_s / (1e-6 * self.us_per_robot_step)
 
 

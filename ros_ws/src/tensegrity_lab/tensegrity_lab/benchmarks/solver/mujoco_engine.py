@@ -12,12 +12,14 @@ import numpy as np
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
+from sim_core.dynamics.support import center_of_mass
 from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.roll import RollResult, face_number, result_of, rules_of
 from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import Policy, lengths_of, neutral_lengths
+from sim_core.structure.topology import JOINTS
 from tensegrity_lab.benchmarks.solver import mujoco_model
 from tensegrity_lab.benchmarks.solver.engines import Crowd, Moment, Task
 
@@ -45,6 +47,7 @@ class MuJoCo:
         return _JudgedRolls(self, tasks, threads).run()
 
     def crowd(self, moments: Sequence[Moment], count: int, span_s: float, threads: int) -> Crowd:
+        """See `Engine`."""
         chosen = [moments[i % len(moments)] for i in range(count)]
         states = np.array([self._snapshot(moment) for moment in chosen])
         controls = np.array([self.controls(moment, span_s) for moment in chosen])
@@ -69,16 +72,19 @@ class MuJoCo:
         return self._rests[source]
 
     def state_of(self, data: Any) -> Array:
+        """MuJoCo's state vector."""
         state = np.empty(self._mujoco.mj_stateSize(self.plain, self._kind))
         self._mujoco.mj_getState(self.plain, data, state, self._kind)
         return state
 
     def data_of(self, state: Array) -> Any:
+        """New `MjData` in a state."""
         data = self._mujoco.MjData(self.plain)
         self._mujoco.mj_setState(self.plain, data, state, self._kind)
         return data
 
     def step(self, data: Any, steps: int) -> None:
+        """Step one robot in place."""
         self._mujoco.mj_step(self.plain, data, steps)
 
     def rollout(self, threads: int) -> Any:
@@ -86,9 +92,11 @@ class MuJoCo:
         return self._rollout.Rollout(nthread=threads)
 
     def datas(self, model: Any, threads: int) -> list[Any]:
+        """New `MjData`, one a thread."""
         return [self._mujoco.MjData(model) for _ in range(threads)]
 
     def steps_in(self, seconds: float) -> int:
+        """Whole steps in so many seconds, at least one."""
         return max(1, round(seconds / self.step_s))
 
     def strokes(self, policy: Policy) -> Array:
@@ -198,12 +206,12 @@ class _JudgedRolls:
         struts[who, :, k.REST] = np.where(np.abs(target - rest) <= most, target, rest + gap)
         joints, box, velocities, forces = mujoco_model.read_sensors(sensors[:, -1])
         rows = self._rows[:, : self._lay.struts].reshape(len(self._rows), -1, k.PARTICLE_ROWS)
-        rows[who, : k.JOINTS, k.X : k.X + 3], rows[who, -1, k.X : k.X + 3] = joints, box
-        rows[who, : k.JOINTS, k.V : k.V + 3] = velocities
-        self._work.reshape(len(self._work), -1, k.WORK_ROWS)[who, : k.JOINTS, k.NORMAL] = forces
+        rows[who, :JOINTS, k.X : k.X + 3], rows[who, -1, k.X : k.X + 3] = joints, box
+        rows[who, :JOINTS, k.V : k.V + 3] = velocities
+        self._work.reshape(len(self._work), -1, k.WORK_ROWS)[who, :JOINTS, k.NORMAL] = forces
 
     def _result(self, i: int) -> RollResult:
         ours, task = self._engine.ours, self._tasks[i]
         center = np.empty(3)
-        w.center_of_mass(self._rows[i], ours.elements.mass_kg, center)
+        center_of_mass(self._rows[i], ours.elements.mass_kg, center)
         return result_of(ours, task.source, task.policy, self._records[i], np.zeros(6), center)

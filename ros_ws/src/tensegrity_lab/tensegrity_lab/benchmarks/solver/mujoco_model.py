@@ -20,11 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from sim_core.dynamics.vfife import JOINTS, POINTS_PER_JOINT
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import IMPROVED, Elements
 from sim_core.structure.rotations import quaternion_of
-from sim_core.structure.topology import STRUTS
+from sim_core.structure.topology import JOINTS, POINTS_PER_JOINT, STRUTS
 
 SERVO_DAMPING_N_S_M = 300.0
 """Of a strut's servo. A strut that moves at the actuator's speed lags by 0.05 mm."""
@@ -39,6 +38,9 @@ def mjcf(e: Elements, step_s: float, integrator: str = "implicitfast", sensors: 
     """The model's XML.
 
     Args:
+        e: the robot's elements.
+        step_s: MuJoCo's time step, in [s].
+        integrator: MuJoCo's name of it.
         sensors: with joints, their velocities, the box and the joints' ground forces as sensors, for judging; see `read_sensors`.
     """
     if e.kind != IMPROVED or len(e.beam_ends) != len(STRUTS):

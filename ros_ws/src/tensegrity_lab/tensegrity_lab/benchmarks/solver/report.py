@@ -18,8 +18,12 @@ from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure
 
 @dataclass(frozen=True)
 class Machine:
-    """Where it was measured. load: processes that wanted to run, in the minutes
-    before and at the end; more than the threads measured means that the figures suffered."""
+    """Where it was measured.
+
+    Attributes:
+        load: processes that wanted to run, in the minutes before and at the end; more than the threads measured means that the
+            figures suffered.
+    """
 
     processor: str
     processors: int
@@ -31,6 +35,8 @@ class Machine:
 
 @dataclass(frozen=True)
 class Report:
+    """Everything that a run measured."""
+
     machine: Machine
     plan: Plan
     model_hash: str
@@ -63,6 +69,7 @@ def _lines(path: str) -> list[str]:
 
 
 def as_json(report: Report) -> str:
+    """The figures for programs."""
     document = asdict(report)
     for row, speed in zip(document["speeds"], report.speeds, strict=True):
         row["robot_seconds_per_s"] = speed.robot_seconds_per_s

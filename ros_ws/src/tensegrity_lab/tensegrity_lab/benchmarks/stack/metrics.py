@@ -15,10 +15,13 @@ class Plan:
     """How much to measure.
 
     Attributes:
-        rate_hz: of the twin. seconds: of each of its windows.
+        rate_hz: of the twin.
+        seconds: of each of its windows.
         goals, cancels, stops: how often each latency is measured.
-        messages: given to the recorder when it is measured alone. burst: of them at once.
-        starts: of the twin's process. rolls: of the demo.
+        messages: given to the recorder when it is measured alone.
+        burst: of them at once.
+        starts: of the twin's process.
+        rolls: of the demo.
         seed: of the pauses between commands, which must not keep step with the bridge's frames.
     """
 
@@ -51,8 +54,11 @@ class TwinCost:
     """A twin that publishes at a rate.
 
     Attributes:
-        doing: what the robot does meanwhile. asked_hz, published_hz: rates. cpu: of one core, 1 is all of it.
-        uneven: distance of the intervals between its stamps from the period. heard: the same where it is heard.
+        doing: what the robot does meanwhile.
+        asked_hz, published_hz: rates.
+        cpu: of one core, 1 is all of it.
+        uneven: distance of the intervals between its stamps from the period.
+        heard: the same where it is heard.
     """
 
     doing: str
@@ -68,7 +74,10 @@ class Latency:
     """From a ROS call to the bytes' hand-over to the operating system.
 
     Attributes:
-        call: which one. note: what is in it. spread: of the times. dropped: samples during which the wall clock was set.
+        call: which one.
+        note: what is in it.
+        spread: of the times.
+        dropped: samples during which the wall clock was set.
     """
 
     call: str
@@ -83,8 +92,10 @@ class Usage:
     """One process, or all.
 
     Attributes:
-        starting_s: processor time until the robot is armed. cpu: of one core from then on, 1 is all of it.
-        rss_mb: largest resident size. pss_mb: resident size with shared pages divided among their users.
+        starting_s: processor time until the robot is armed.
+        cpu: of one core from then on, 1 is all of it.
+        rss_mb: largest resident size.
+        pss_mb: resident size with shared pages divided among their users.
     """
 
     process: str
@@ -110,9 +121,13 @@ class Capacity:
     Attributes:
         messages_per_s, mb_per_s: written one by one, each with the operating system when it counts as written.
         finish_s: rewriting, indexing and reading back all of them at the end.
-        burst: messages given at once; call_us: what one call took then; most_waiting; drained_s: until all were written.
-        queue: how many may wait. accepted, lost: of messages given faster than the disk takes them, up to the fault and after it.
-        recorded: messages in that log. fault: what it says.
+        burst: messages given at once;
+        call_us: what one call took then; most_waiting;
+        drained_s: until all were written.
+        queue: how many may wait.
+        accepted, lost: of messages given faster than the disk takes them, up to the fault and after it.
+        recorded: messages in that log.
+        fault: what it says.
     """
 
     messages: int
@@ -135,7 +150,9 @@ class Compiling:
     """Of one stage with an empty cache.
 
     Attributes:
-        stage: which. wall_s, cpu_s: time and processor time. functions: how many.
+        stage: which.
+        wall_s, cpu_s: time and processor time.
+        functions: how many.
         longest: those that took longest, with their own processor seconds, without the functions that they call.
     """
 
@@ -156,13 +173,19 @@ class Compilation:
 
     @property
     def functions(self) -> int:
+        """How many were compiled."""
         return sum(stage.functions for stage in self.stages)
 
 
 @dataclass(frozen=True)
 class FirstState:
-    """From the start of a twin's process, in s: until it has published its first state, until somebody hears one; and the processor
-    time that it has used by then."""
+    """A twin's start, in s from that of its process.
+
+    Attributes:
+        published_s: until it has published its first state.
+        heard_s: until somebody hears one.
+        cpu_s: processor time that it has used by then.
+    """
 
     published_s: float
     heard_s: float
@@ -174,7 +197,8 @@ class StartUp:
     """From nothing to a twin.
 
     Attributes:
-        cold, second: with an empty cache, and a process after it. warm: twins that find everything compiled.
+        cold, second: with an empty cache, and a process after it.
+        warm: twins that find everything compiled.
         cold_twin: one that finds nothing.
     """
 

@@ -57,7 +57,7 @@ class Sampler:
             self.look()
 
     def look(self, share: bool = False) -> None:
-        """Look now. Args: share: also at shared pages, which takes some milliseconds a process."""
+        """Look now. `share`: also at shared pages, which takes some milliseconds a process."""
         with self._lock:
             for name, pid in self.find().items():
                 with suppress(*GONE):

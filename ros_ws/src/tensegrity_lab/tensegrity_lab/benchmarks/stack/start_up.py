@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From an empty cache to compiled code, and from a twin's start to its first state: the former in a process of its own,
-which is this module."""
+"""From an empty cache to compiled code, and from a twin's start to its first state.
+
+The former is measured in a process of its own, which is this module.
+"""
 
 from __future__ import annotations
 
