@@ -41,6 +41,7 @@ _ALL = (
     Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "develop.bench"),
     Entry("faults", "Make failures happen to the stack and look what comes of each.", "develop.faults"),
     Entry("validate", "Compare the solver with closed forms and independent computations.", "model.validate"),
+    Entry("docs", "Write the reference pages from the code, and build the documentation's site.", "develop.docs"),
     Entry("test", "Run the checks and tests; with arguments, only pytest with these.", "develop.test"),
     Entry("setup", "Only set up: .venv with all packages, and the build of ros_ws.", None),
     Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None),
