@@ -64,9 +64,9 @@ _CALLS = {  # method or class -> (what, place of the type among the arguments, o
 }
 
 HEAD = """\
-All names are relative: namespaces and remaps work. Poses are in the frame `odom`, z up. Lengths are absolute rest lengths in m (mid stroke
-0.234), and struts are named `S1`…`S6`. What the stack's parts promise each other: [architecture](../architecture.md). Topics marked
-*bag* are recorded under `/recorded/…`."""
+All names are relative: namespaces and remaps work. Poses are in the frame `odom`, z up. Lengths are absolute rest lengths in m
+(mid stroke 0.234), and struts are named `S1`…`S6`. What the stack's parts promise each other: [architecture](../architecture.md).
+Topics marked *bag* are recorded under `/recorded/…`."""
 
 
 class Use(NamedTuple):

@@ -22,15 +22,15 @@ Parameters are read at the start and cannot be changed while a node runs: `--ros
 MODEL = """\
 ## The robot's model
 
-One YAML file holds every number, each with unit and source: `sim_core/sim_core/data/prototype.yaml`. To describe another robot, copy it,
-change values and their sources, and give it with `--prototype FILE` or the nodes' `prototype_file`. *Stand-in* is our engineering
-estimate, not a measurement; the page [model](../model.md) says what is computed from it."""
+One YAML file holds every number, each with unit and source: `sim_core/sim_core/data/prototype.yaml`. To describe another robot,
+copy it, change values and their sources, and give it with `--prototype FILE` or the nodes' `prototype_file`. *Stand-in* is our
+engineering estimate, not a measurement; the page [model](../model.md) says what is computed from it."""
 
 ACTUATORS = """\
 ## The actuators' model
 
-Actuators that feel their load: `sim_core/sim_core/data/actuators.yaml`. The virtual prototype has them by default, the twin only with
-`actuators:=stand-in`. Another file of the same form can be given in their place."""
+Actuators that feel their load: `sim_core/sim_core/data/actuators.yaml`. The virtual prototype has them by default, the twin only
+with `actuators:=stand-in`. Another file of the same form can be given in their place."""
 
 
 def page(root: Path) -> str:
@@ -47,8 +47,8 @@ def page(root: Path) -> str:
         (MODEL, parameters.default_path(), parameters.SPECS),
         (ACTUATORS, actuators.default_path(), actuators.SPECS),
     ):
-        rows = _model_rows(read_yaml(file), specs)
-        lines += ["", text, "", *table(("parameter", "value", "unit", "valid", "source", "means"), rows)]
+        numbers = _model_rows(read_yaml(file), specs)
+        lines += ["", text, "", *table(("parameter", "value", "unit", "valid", "source", "means"), numbers)]
     return "\n".join(lines) + "\n"
 
 
@@ -78,7 +78,7 @@ def _node_row(row: Any) -> tuple[str, str, str, str]:
 
 
 def _model_rows(document: Any, specs: Mapping[str, parameters.Spec]) -> list[tuple[str, ...]]:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, spec in specs.items():
         given = document[name]
         value = given["value"]
