@@ -136,13 +136,13 @@ KINDS = (
 
 SCHEMAS = """\
 *Schema* is the number that the file states as `schema:`; a file of another number is refused. Files of the robot's state are in
-`$SIXSTRUT_STATE_DIR`, or `~/.local/state/sixstrut`. Every YAML file is read by one strict reader, bounded in size, depth and digits;
-what YAML 1.1 and 1.2 read differently is refused."""
+`$SIXSTRUT_STATE_DIR`, or `~/.local/state/sixstrut`. Every YAML file is read by one strict reader, bounded in size, depth and
+digits; what YAML 1.1 and 1.2 read differently is refused."""
 
 BAG = """\
-MCAP with ROS 2 messages (`ros2msg`, `cdr`). Topics are under `/recorded/`, names that no live node listens to, so playing a bag moves
-nothing; which topics, is in the [interfaces](interfaces.md). Attached are the library, the prototype and the calibration of the
-session; the metadata hold their hashes and versions."""
+MCAP with ROS 2 messages (`ros2msg`, `cdr`). Topics are under `/recorded/`, names that no live node listens to, so playing a bag
+moves nothing; which topics, is in the [interfaces](interfaces.md). Attached are the library, the prototype and the calibration of
+the session; the metadata hold their hashes and versions."""
 
 
 def page(root: Path) -> str:
