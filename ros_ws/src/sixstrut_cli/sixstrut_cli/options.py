@@ -83,6 +83,12 @@ def output_folder(command: str, chosen: Path | None = None) -> Path:
     return folder
 
 
+def in_folder(file: Path) -> Path:
+    """The file to write, its folder made."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    return file
+
+
 def results_page(name: str) -> Path:
     """A page of the repository that a command writes. Raises typer.BadParameter: there is no repository here."""
     page = Path(os.environ.get("SIXSTRUT_ROOT", ".")) / "docs" / "results" / name

@@ -17,7 +17,7 @@ from sim_core.structure.elements import elements_of
 from sim_core.structure.parameters import Entry, Prototype, load_entries, load_prototype
 from sim_core.studies.sensitivity import EACH, Influence, influences, stored_influences, stored_path, text_of
 from sim_core.twin.model_versions import label_of
-from sixstrut_cli.options import PrototypeOption
+from sixstrut_cli.options import PrototypeOption, in_folder
 
 
 class Export(StrEnum):
@@ -53,7 +53,7 @@ def command(
     if picture is not None:
         from tensegrity_lab.reports.words_picture import words_picture
 
-        words_picture(picture, load_prototype(prototype))
+        words_picture(in_folder(picture), load_prototype(prototype))
         typer.echo(f"wrote {picture}")
         return
     entries = load_entries(prototype)
@@ -73,7 +73,7 @@ def command(
         if output is None:
             typer.echo(text)
         else:
-            output.write_text(text + "\n", encoding="utf-8")
+            in_folder(output).write_text(text + "\n", encoding="utf-8")
             typer.echo(f"wrote {output}")
         return
     if output is not None:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption, output_folder, results_page
+from sixstrut_cli.options import JsonOption, PrototypeOption, in_folder, output_folder, results_page
 
 QUICK_PROTOTYPES, QUICK_FAILURES, QUICK_PRIMITIVES = 2, 20, 3
 
@@ -98,11 +98,11 @@ def command(
     if tables is not None:
         write_tables(found, blame, tables)
     if odds is not None:
-        odds.write_text(odds_text(odds_of(shelf, found)), encoding="utf-8")
+        in_folder(odds).write_text(odds_text(odds_of(shelf, found)), encoding="utf-8")
     if picture is None and not as_json:
         picture = output_folder("robustness") / f"{shelf.name}.png"
     if picture is not None:
-        robustness_picture(found, blame, picture, head_of(shelf, found).splitlines()[0] + f", s = {scale:g}")
+        robustness_picture(found, blame, in_folder(picture), head_of(shelf, found).splitlines()[0] + f", s = {scale:g}")
     if figures is not None and cost_page is not None:
         write_into(cost_page, table_of(figures))
     if as_json:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, OutputOption, PageOption, PrototypeOption, output_folder, results_page
+from sixstrut_cli.options import JsonOption, OutputOption, PageOption, PrototypeOption, in_folder, output_folder, results_page
 
 
 def command(
@@ -75,9 +75,9 @@ def command(
     tries = read_tries(trials, model, library)
     found = None if counts_only else running.fitted(model, tries, asked)
     if ensemble is not None and found is not None:
-        running.write_ensemble(ensemble, model, tries, found)
+        running.write_ensemble(in_folder(ensemble), model, tries, found)
     if odds is not None:
-        running.write_odds(odds, model, tries, found, asked)
+        running.write_odds(in_folder(odds), model, tries, found, asked)
     document = running.document_of(tries, found)
     typer.echo(json.dumps(document) if as_json else running.text_of(tries, found))
     if not as_json:

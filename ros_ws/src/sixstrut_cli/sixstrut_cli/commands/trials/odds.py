@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, output_folder
+from sixstrut_cli.options import JsonOption, in_folder, output_folder
 
 
 def command(
@@ -43,7 +43,7 @@ def command(
         )
         raise typer.Exit(1)
     picture = picture or output_folder("odds") / "odds.png"
-    odds_picture([(f"{len(rolls)} rolls", told)], picture)
+    odds_picture([(f"{len(rolls)} rolls", told)], in_folder(picture))
     if as_json:
         document = {"rolls": [one._asdict() for one in rolls], "brier": told.brier, "expected": told.expected}
         typer.echo(json.dumps(document | {"observed": told.observed, "bins": told.bins, "picture": str(picture)}))

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import JsonOption
+from sixstrut_cli.options import JsonOption, in_folder
 
 
 def command(
@@ -116,7 +116,7 @@ def _by_trial(
                 rate = f"{told.rate.successes} of {members} ({interval})"
                 typer.echo(f"odds of {told.gait.name}: {rate} on {law.law.words}; ends on {ends}")
     if picture is not None:
-        course_picture(courses[0], picture)
+        course_picture(courses[0], in_folder(picture))
     agree = [course.agrees for course in courses if course.agrees is not None]
     if as_json:
         rows = [_document(course, odds) for course in courses]
@@ -187,10 +187,10 @@ def _whole(
     if picture is not None:
         from tensegrity_lab.reports.figure import session_picture
 
-        session_picture(session, result, picture)
+        session_picture(session, result, in_folder(picture))
     if animation is not None:
         stands = [Stand(check.time_s, check.predicted) for check in result.faces if check.predicted]
-        animate(moments, stands, animation, f"{bag.name}: the twin, stepped through a recorded session")
+        animate(moments, stands, in_folder(animation), f"{bag.name}: the twin, stepped through a recorded session")
     if as_json:
         typer.echo(
             json.dumps(
