@@ -2,7 +2,8 @@
 """The validation suite: the solver against closed forms and independent computations, one small module a topic.
 
 Every case is a function of a `Setting` that returns a `Case`: a number measured on the solver, a reference that the solver had no
-part in, a tolerance. `sixstrut validate` runs them all and writes docs/validation.md; the tests run the same functions.
+part in, a tolerance. `sixstrut validate` runs them all and writes docs/results/validation.md with --page; the tests run the same
+functions.
 """
 
 from __future__ import annotations

@@ -18,9 +18,11 @@ SMALL = ("--primitives", "1,21", "--gaits", "reference", "--prototypes", "1", "-
 
 @pytest.mark.ros
 @pytest.mark.timeout(240)
-def test_a_tiny_campaign_computes_runs_a_sample_on_the_stack_and_reports(tmp_path):
-    folder, page = tmp_path / "campaign", tmp_path / "docs" / "campaign.md"
-    words = ["campaign", str(folder), *SMALL, "--libraries", "robust,improved,unheard", "--sample", "1", "--page", str(page)]
+def test_a_tiny_campaign_computes_runs_a_sample_on_the_stack_and_reports(tmp_path, monkeypatch):
+    folder, page = tmp_path / "campaign", tmp_path / "docs" / "results" / "campaign.md"
+    page.parent.mkdir(parents=True)
+    monkeypatch.setenv("SIXSTRUT_ROOT", str(tmp_path))
+    words = ["campaign", str(folder), *SMALL, "--libraries", "robust,improved,unheard", "--sample", "1", "--page"]
     done = sixstrut(*words, "--time-scale", "8", limit_s=220)
     assert done.returncode == 0, done.stderr
     assert "library unheard is not shipped: skipped" in done.stderr

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every row of docs/failures.md, with the real nodes and a virtual prototype behind a real pty: `./sixstrut faults` as tests."""
+"""Each row of docs/results/failures.md, with real nodes and a virtual prototype on a real pty: `./sixstrut faults` as tests."""
 
 from __future__ import annotations
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -66,3 +67,33 @@ def place_of(text: str) -> tuple[float, float]:
     if not (math.isfinite(x) and math.isfinite(y)):
         raise typer.BadParameter(f"{text!r}: valid is a face such as TC1, or a place on the floor in m, such as 1.0,0.3")
     return x, y
+
+
+PageOption = Annotated[bool, typer.Option("--page", help="Write the repository's page in docs/results/.")]
+OutputOption = Annotated[
+    Path | None,
+    typer.Option("--output", "-o", help="Folder to write to. [default: out/ and the command's name]", show_default=False),
+]
+
+
+def output_folder(command: str, chosen: Path | None = None) -> Path:
+    """Where a command writes: the folder given, else out/COMMAND below the working directory. It is made."""
+    folder = chosen or Path("out") / command
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def in_folder(file: Path) -> Path:
+    """The file to write, its folder made."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    return file
+
+
+def results_page(name: str) -> Path:
+    """A page of the repository that a command writes. Raises typer.BadParameter: there is no repository here."""
+    page = Path(os.environ.get("SIXSTRUT_ROOT", ".")) / "docs" / "results" / name
+    if not page.parent.is_dir():
+        raise typer.BadParameter(
+            f"{page.parent} is not there: --page works in the repository; elsewhere use -o", param_hint="--page"
+        )
+    return page

@@ -43,8 +43,9 @@ _ALL = (
     Entry("parameters", "Show the parameters of robot and model, with their sources.", "model.parameters"),
     Entry("calibrate-model", "Scale the ropes until the first natural frequency is the given one.", "model.calibrate_model"),
     Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "develop.bench", ("bench",)),
-    Entry("faults", "Make failures happen to the stack and look what comes of each; docs/failures.md.", "develop.faults"),
-    Entry("validate", "Compare the solver with closed forms; write docs/validation.md.", "model.validate"),
+    Entry("faults", "Make failures happen to the stack and look what comes of each.", "develop.faults"),
+    Entry("validate", "Compare the solver with closed forms and independent computations.", "model.validate"),
+    Entry("docs", "Write the reference pages from the code, and build the documentation's site.", "develop.docs", ("docs",)),
     Entry(
         "test",
         "Run the checks and tests; with arguments, only pytest with these.",

@@ -14,6 +14,7 @@ from hardware_bridge.errors import BridgeError
 from hardware_bridge.recording.bag_reader import Session
 from sim_core.dynamics.actuators import ActuatorParameters
 from sim_core.dynamics.model import Model, build_model
+from sim_core.dynamics.robot import Robot
 from sim_core.files.yaml_reader import parse_yaml
 from sim_core.structure.parameters import Prototype, load_prototype, parse_prototype
 from sim_core.twin.follower import Event, Follower, Observed, Pace, Sent, impossible
@@ -153,6 +154,7 @@ def replay(
     model: Model | None = None,
     actuators: ActuatorParameters | None = None,
     report: Callable[[int, int], None] = lambda done, total: None,
+    watch: Callable[[float, Robot], None] = lambda time_s, robot: None,
 ) -> Replay:
     """Step a fresh twin through the bag; compare bits with the live twin's and faces with those observed.
 
@@ -161,6 +163,7 @@ def replay(
         model: default: the bag's own.
         actuators: of the twin, for a `following` model; None: ideal ones.
         report: called with (events done, total).
+        watch: called with robot time (s) and the robot, after each write and heartbeat.
     """
     model = model or model_of(session)
     events = events_of(session, model.prototype.strut_length_m)
@@ -179,6 +182,7 @@ def replay(
             result.times_s.append(event.robot_time_ns / 1e9 - began_s)
             result.lengths_m.append(event.lengths_m)
             result.twin_m.append(follower.robot.joints_m().mean(axis=0))
+            watch(result.times_s[-1], follower.robot)
         elif event.settled:
             predicted = follower.robot.footing().face
             check = FaceCheck(event.robot_time_ns / 1e9 - began_s, predicted, event.face, sources[event.seq])

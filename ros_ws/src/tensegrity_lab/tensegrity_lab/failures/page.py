@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/failures.md: written from what the scenarios saw, and read back by the tests."""
+"""docs/results/failures.md: written from what the scenarios saw, and read back by the tests."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import NamedTuple
 
 from tensegrity_lab.failures.runner import Outcome
 
-DOCS_PAGE = Path("docs/failures.md")
+DOCS_PAGE = Path("docs/results/failures.md")
 
 _HEAD = """# Failures
 
 What can go wrong, what the stack does about it, what you see, and what to do. Each row is a scenario that runs with the real nodes
-and a virtual prototype behind a real pseudo-terminal; this page is written by `./sixstrut faults --page docs/failures.md` from what
-was seen, and a test holds it to the scenarios. Names of folders are left out. No real board, Bluetooth module or robot was there.
+and a virtual prototype behind a real pseudo-terminal; this page is written by `./sixstrut faults --page` from what was
+seen, and a test holds it to the scenarios. Names of folders are left out. No real board, Bluetooth module or robot was there.
 """
 
 _CELL = re.compile(r"(?<!\\)\|")

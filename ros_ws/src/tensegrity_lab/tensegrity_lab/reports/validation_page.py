@@ -75,9 +75,9 @@ def write_page(path: Path, cases: Mapping[str, Case], model_hash: str, steps_per
     out = [
         "# Validation",
         "",
-        "The solver against closed forms and independent computations. This page is written by `./sixstrut validate`; do not edit",
-        "it, run the command again. The same cases are tests (`./sixstrut test tests/physics`). They check the solver against",
-        "mechanics; they say nothing about how near the model's stand-in numbers are to your robot.",
+        "The solver against closed forms and independent computations. This page is written by `./sixstrut validate --page`; do",
+        "not edit it, run the command again. The same cases are tests (`./sixstrut test tests/sim_core/validation`). They check",
+        "the solver against mechanics; they say nothing about how near the model's stand-in numbers are to your robot.",
         "",
         f"**{passed} of {len(cases)} cases hold.** Model `{model_hash}`, {steps_per_second} steps per second. Mass damping ζ is",
         "off unless a case says otherwise. References come from what is named with them, never from the solver, but for the",

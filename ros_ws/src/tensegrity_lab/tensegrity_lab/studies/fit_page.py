@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page docs/learning.md, every figure of it from a demonstration."""
+"""The page learning.md, every figure of it from a demonstration."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ that they foretell; how, and what a robot's parameters are, is told in `sim_core
 and real ones), every trial of a member gets a direction of its own: of the slope only the steepness can then be told. A tried
 gait's odds count its own trials once: the ensemble's part leaves them out.
 
-This page is written by `./sixstrut fit --demonstrate`; do not edit it, run the command again. **All trials here are
+This page is written by `./sixstrut fit --demonstrate --page`; do not edit it, run the command again. **All trials here are
 virtual**: hidden robots and ensemble share the model's equations, so this tests the method, not how well it would do on a
 real robot.
 """

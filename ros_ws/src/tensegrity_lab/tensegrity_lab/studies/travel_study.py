@@ -25,17 +25,9 @@ TRAVELLERS = (("robust", True), ("robust", False))
 Key = tuple[int, float, str, bool]
 
 INTRODUCTION = """\
-# Travel
+# A study of travels
 
-`./sixstrut travel 0.6,0.3` starts a stack and rolls the virtual prototype to a place on the floor. In a running stack the node
-`traveller` offers the action `travel` and listens to `goal_pose` (RViz's *2D Goal Pose*): it plans the likeliest sequence of rolls
-(A* over stances by −log odds and length, `sim_core/sim_core/planning/floor_planner.py`), asks the planner for the first one,
-looks where the robot rests, and plans anew. On hardware without an observer every roll waits for `set_face`. It knows how steep
-each primitive climbs with actuators that feel their load (`./sixstrut climb`), and it learns from its own rolls
-(`sim_core/planning/travel_learning.py`): a miss makes the gait less believed, its primitive and the roll's other gaits a little,
-and all rolls in that direction, as it is on a slope, most those by gaits that climb little: so the next way takes steeper
-climbers, or goes around. It gives up with a reason: too many rolls, no roll left that is likely to work, ten misses in a row, no
-face, no way, or what planner or bridge refuse.
+How well does the traveller reach a place on the floor? How it chooses its way is told in the guide, docs/guide/travel.md.
 """
 
 

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.options import JsonOption, OutputOption, PageOption, PrototypeOption, output_folder, results_page
 
 
 def command(
@@ -23,21 +23,14 @@ def command(
         typer.Option(metavar="NAME", help="Only roll this library's gaits in MuJoCo, and count.", show_default=False),
     ] = None,
     quick: Annotated[
-        bool, typer.Option("--quick", help="A minute or two, rougher figures; writes only to --output.", show_default=False)
+        bool, typer.Option("--quick", help="A minute or two, rougher figures; not for --page.", show_default=False)
     ] = False,
     threads: Annotated[
         int | None,
         typer.Option(min=1, help="Threads to measure besides one; default: 2, if there are two processors.", show_default=False),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            help="Page to write, its picture goes to images/ beside it; default: docs/benchmark.md, docs/benchmark_stack.md.",
-            show_default=False,
-        ),
-    ] = None,
+    output: OutputOption = None,
+    page: PageOption = False,
     as_json: JsonOption = False,
     prototype: PrototypeOption = None,
 ) -> None:
@@ -54,8 +47,10 @@ def command(
     root = os.environ.get("SIXSTRUT_ROOT")
     if root is None or not (Path(root) / "requirements").is_dir():
         raise typer.BadParameter("the benchmark is in the repository: run ./sixstrut bench there")
-    page = Path(root) / "docs" / ("benchmark_stack.md" if stack else "benchmark.md")
-    path = output or (None if quick else page)
+    if page and (quick or prototype is not None or library is not None):
+        raise typer.BadParameter("the page is of a whole run: leave --quick, --prototype and --library out", param_hint="--page")
+    name = "benchmark_stack.md" if stack else "benchmark.md"
+    path = results_page(name) if page else output_folder("bench", output) / name
     if library is not None:
         _in_mujoco(library, threads, as_json, prototype)
     elif stack:
@@ -70,20 +65,19 @@ def _say(what: str) -> None:
     typer.echo(what, err=True)
 
 
-def _measure_stack(quick: bool, path: Path | None, as_json: bool) -> None:
+def _measure_stack(quick: bool, path: Path, as_json: bool) -> None:
     from tensegrity_lab.benchmarks.stack import measure, metrics, report
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes have to be ended
     result = measure.measure(metrics.QUICK if quick else metrics.Plan(), _say)
-    if path is not None:
-        picture = path.parent / "images" / f"{path.stem}.png"
-        report.draw(result, picture)
-        path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
-        _say(f"wrote {path} and {picture}")
+    picture = path.parent / "images" / f"{path.stem}.png"
+    report.draw(result, picture)
+    path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
+    _say(f"wrote {path} and {picture}")
     typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
 
 
-def _measure_solver(quick: bool, threads: int | None, path: Path | None, as_json: bool, prototype: Path | None) -> None:
+def _measure_solver(quick: bool, threads: int | None, path: Path, as_json: bool, prototype: Path | None) -> None:
     import importlib
 
     from sim_core.dynamics.model import build_model
@@ -108,11 +102,10 @@ def _measure_solver(quick: bool, threads: int | None, path: Path | None, as_json
     mujoco = importlib.import_module("mujoco").__version__
     machine = report.this_machine(mujoco, (load, os.getloadavg()[0]))
     result = report.Report(machine, plan, label_of(build_model(robot).hash), speeds, judged, rehearsal, rests, accuracies, memories)
-    picture = None if path is None else path.parent / "images" / f"{path.stem}.png"
-    if path is not None and picture is not None:
-        report.draw(result, picture)
-        path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
-        say(f"wrote {path} and {picture}")
+    picture = path.parent / "images" / f"{path.stem}.png"
+    report.draw(result, picture)
+    path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
+    say(f"wrote {path} and {picture}")
     typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
 
 

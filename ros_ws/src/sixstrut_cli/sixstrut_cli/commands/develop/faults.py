@@ -5,23 +5,26 @@ from __future__ import annotations
 
 import json
 import signal
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import DomainOption, JsonOption
+from sixstrut_cli.options import DomainOption, JsonOption, OutputOption, PageOption, output_folder, results_page
 
 ROWS = range(1, 25)
+PAGE = "failures.md"
 
 
 def command(
     only: Annotated[str, typer.Option("--only", help="Only these rows, such as 3,14.", show_default=False)] = "",
-    page: Annotated[Path | None, typer.Option("--page", help="Write the page (docs/failures.md) here.", show_default=False)] = None,
+    output: OutputOption = None,
+    page: PageOption = False,
     as_json: JsonOption = False,
     domain: DomainOption = None,
 ) -> None:
     """Make each failure happen to the real nodes with a virtual prototype, and look what comes of it (three to five minutes).
+
+    All rows together make a page, failures.md.
 
     Exit code 0: all were survived; 1: one was not.
 
@@ -29,7 +32,7 @@ def command(
     sixstrut faults --only 3,14
     """
     numbers = _numbers(only)
-    if page is not None and numbers != set(ROWS):
+    if page and numbers != set(ROWS):
         raise typer.BadParameter("a page needs all rows: leave --only out")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes have to be ended
 
@@ -81,9 +84,10 @@ def command(
         Console().print(table, markup=False)
     if failed:
         raise typer.Exit(1)
-    if page is not None:
-        page.write_text(as_markdown(outcomes), encoding="utf-8")
-        typer.echo(f"wrote {page}", err=True)
+    if numbers == set(ROWS):
+        path = results_page(PAGE) if page else output_folder("faults", output) / PAGE
+        path.write_text(as_markdown(outcomes), encoding="utf-8")
+        typer.echo(f"wrote {path}", err=True)
 
 
 def _numbers(only: str) -> set[int]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import PrototypeOption
+from sixstrut_cli.options import PrototypeOption, in_folder
 
 
 def command(
@@ -64,7 +64,7 @@ def command(
     after = build_model(robot)
     typer.echo(f"after:  {robot.tendon_stiffness_n_m:.2f} N/m per rope, first frequency {first_frequency_hz(after):.4f} Hz")
     typer.echo(f"        spectrum of a simulated free vibration: {vibrated_frequency_hz(after):.4f} Hz")
-    output.write_text(rewritten(text, changes), encoding="utf-8")
+    in_folder(output).write_text(rewritten(text, changes), encoding="utf-8")
     load_prototype(output)
     typer.echo(f"wrote {output} (model {after.hash})")
 

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption
+from sixstrut_cli.options import JsonOption, in_folder
 
 
 def command(
@@ -42,7 +42,7 @@ def command(
     with console.status("climbing") as status:
         found = climbs_of(shelf, parameters, actuators, lambda name: status.update(f"climbing: {name} of {len(shelf.primitives)}"))
     if output is not None:
-        output.write_text(climbs_text(found), encoding="utf-8")
+        in_folder(output).write_text(climbs_text(found), encoding="utf-8")
         console.print(f"wrote {output}")
     if as_json:
         typer.echo(json.dumps({"library": shelf.name, "how": found.how, "steepest_deg": dict(found.steepest_deg)}))

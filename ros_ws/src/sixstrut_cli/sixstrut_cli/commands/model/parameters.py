@@ -14,10 +14,10 @@ import typer
 
 from sim_core.gaits.library import load_library
 from sim_core.structure.elements import elements_of
-from sim_core.structure.parameters import Entry, Prototype, load_entries
+from sim_core.structure.parameters import Entry, Prototype, load_entries, load_prototype
 from sim_core.studies.sensitivity import EACH, Influence, influences, stored_influences, stored_path, text_of
 from sim_core.twin.model_versions import label_of
-from sixstrut_cli.options import PrototypeOption
+from sixstrut_cli.options import PrototypeOption, in_folder
 
 
 class Export(StrEnum):
@@ -37,6 +37,9 @@ def command(
         typer.Option("--sensitivity", help="Compute what each number influences (some minutes)."),
     ] = False,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the export here.", show_default="stdout")] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the robot with its parts named, as PNG.", show_default=False)
+    ] = None,
 ) -> None:
     """Print the table of the robot's numbers: value, unit, source, what it influences, meaning.
 
@@ -45,7 +48,14 @@ def command(
     sixstrut parameters
     sixstrut parameters --prototype mine.yaml --sensitivity
     sixstrut parameters --export json -o robot.json
+    sixstrut parameters --picture robot.png
     """
+    if picture is not None:
+        from tensegrity_lab.reports.words_picture import words_picture
+
+        words_picture(in_folder(picture), load_prototype(prototype))
+        typer.echo(f"wrote {picture}")
+        return
     entries = load_entries(prototype)
     robot = Prototype(**{entry.name: entry.value for entry in entries})
     elements = elements_of(robot)
@@ -63,7 +73,7 @@ def command(
         if output is None:
             typer.echo(text)
         else:
-            output.write_text(text + "\n", encoding="utf-8")
+            in_folder(output).write_text(text + "\n", encoding="utf-8")
             typer.echo(f"wrote {output}")
         return
     if output is not None:

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.options import JsonOption, PrototypeOption, in_folder, output_folder, results_page
 
 QUICK_PROTOTYPES, QUICK_FAILURES, QUICK_PRIMITIVES = 2, 20, 3
 
@@ -37,7 +37,7 @@ def command(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG, like the paper's Figure 8. [default: robustness_LIBRARY.png; none with --json]", show_default=False
+            help="PNG, like the paper's Figure 8. [default: out/robustness/LIBRARY.png; none with --json]", show_default=False
         ),
     ] = None,
     tables: Annotated[
@@ -47,9 +47,7 @@ def command(
         Path | None, typer.Option(metavar="FILE", help="Write every gait's odds here, for the planner.", show_default=False)
     ] = None,
     cost: Annotated[bool, typer.Option("--cost", help="Also measure and print what a million prototypes cost.")] = False,
-    cost_page: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="With --cost: the page to put the table into.", show_default=False)
-    ] = None,
+    page: Annotated[bool, typer.Option("--page", help="With --cost: put the table into docs/results/scaling.md.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="A few primitives on two prototypes: to see that it works.")] = False,
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
@@ -63,6 +61,10 @@ def command(
     sixstrut robustness mine.yaml --one-gait --design sobol --json
     sixstrut robustness robust --quick --cost
     """
+    if page and not cost:
+        raise typer.BadParameter("the page holds what a study costs: give --cost as well", param_hint="--page")
+    cost_page = results_page("scaling.md") if page else None
+
     from sim_core.gaits.library import load_library
     from sim_core.gaits.success_probability import odds_text
     from sim_core.structure.parameters import load_prototype
@@ -97,11 +99,11 @@ def command(
     if tables is not None:
         write_tables(found, blame, tables)
     if odds is not None:
-        odds.write_text(odds_text(odds_of(shelf, found)), encoding="utf-8")
+        in_folder(odds).write_text(odds_text(odds_of(shelf, found)), encoding="utf-8")
     if picture is None and not as_json:
-        picture = Path(f"robustness_{shelf.name}.png")
+        picture = output_folder("robustness") / f"{shelf.name}.png"
     if picture is not None:
-        robustness_picture(found, blame, picture, head_of(shelf, found).splitlines()[0] + f", s = {scale:g}")
+        robustness_picture(found, blame, in_folder(picture), head_of(shelf, found).splitlines()[0] + f", s = {scale:g}")
     if figures is not None and cost_page is not None:
         write_into(cost_page, table_of(figures))
     if as_json:

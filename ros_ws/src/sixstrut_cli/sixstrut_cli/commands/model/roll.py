@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, LibraryOption, PrototypeOption
+from sixstrut_cli.options import JsonOption, LibraryOption, PrototypeOption, in_folder
 
 
 def command(
@@ -61,7 +61,7 @@ def command(
     if picture is not None:
         from tensegrity_lab.reports.figure import roll_picture
 
-        roll_picture(result, trace, picture, name)
+        roll_picture(result, trace, in_folder(picture), name)
     if as_json:
         typer.echo(
             json.dumps(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.options import JsonOption, PrototypeOption, output_folder
 
 if TYPE_CHECKING:
     from sim_core.search.genetic_search import Search
@@ -31,7 +31,7 @@ class Name(StrEnum):
 def command(
     plan_name: Annotated[Name, typer.Argument(metavar="PLAN", help="improved, previous or robust.")] = Name.improved,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Library YAML; default: PLAN.yaml.", show_default=False)
+        Path | None, typer.Option("--output", "-o", help="Library YAML. [default: out/search/PLAN.yaml]", show_default=False)
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and options, same library.")] = 1,
     keep: Annotated[int, typer.Option(min=1, help="Primitives per class.")] = 20,
@@ -73,7 +73,7 @@ def command(
     from tensegrity_lab.reports.library_plot import library_picture
     from tensegrity_lab.terminal.compile_notice import compile_first
 
-    path = output or Path(f"{plan_name.value}.yaml")
+    path = output or output_folder("search") / f"{plan_name.value}.yaml"
     changes: dict[str, Any] = {"seed": seed, "keep": keep, "active": active}
     changes |= {"apart_mm": apart} if apart else {}
     changes |= {"generations": generations} if generations else {}

@@ -4,20 +4,19 @@
 from __future__ import annotations
 
 import json
-import os
 from fnmatch import fnmatch
-from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.options import JsonOption, OutputOption, PageOption, PrototypeOption, output_folder, results_page
 
 if TYPE_CHECKING:
     from sim_core.validation import Case
 
 EXIT_CASE_FAILED = 4
+PAGE = "validation.md"
 
 
 def command(
@@ -25,25 +24,18 @@ def command(
         str | None,
         typer.Option(metavar="PATTERN", help="Only cases whose name holds this, or matches it (with * and ?).", show_default=False),
     ] = None,
-    output: Annotated[
-        Path | None,
-        typer.Option(
-            "--output",
-            "-o",
-            help="Page to write, with pictures in images/ beside it. With --only or --prototype: none, unless given.",
-            show_default="docs/validation.md",
-        ),
-    ] = None,
+    output: OutputOption = None,
+    page: PageOption = False,
     as_json: JsonOption = False,
     prototype: PrototypeOption = None,
 ) -> None:
-    """Compare the solver with closed forms and independent computations (a minute or two), and write the page of the results.
+    """Compare the solver with closed forms and independent computations (a minute or two), and write a page of the results.
 
     Exit code 0: every case holds; 4: one does not.
 
     sixstrut validate
     sixstrut validate --only restitution
-    sixstrut validate --only 'elastica*' -o elastica.md
+    sixstrut validate --only 'elastica*' -o elastica
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
@@ -56,8 +48,11 @@ def command(
     chosen = [name for name in CASES if only is None or only in name or fnmatch(name, only)]
     if not chosen:
         raise typer.BadParameter(f"no case matches {only!r}: valid are {', '.join(CASES)}", param_hint="--only")
-    if output is None and only is None and prototype is None:
-        output = _default_page()
+    if page and (only is not None or prototype is not None):
+        raise typer.BadParameter(
+            "the page is of all cases and the nominal robot: leave --only and --prototype out", param_hint="--page"
+        )
+    path = results_page(PAGE) if page else output_folder("validate", output) / PAGE
     setting = Setting(load_prototype(prototype))
     model = build_model(setting.prototype)
     results: dict[str, Case] = {}
@@ -72,23 +67,17 @@ def command(
             results[name] = CASES[name](setting)
             seconds[name] = perf_counter() - began
             bar.advance(task)
-    files = write_page(output, results, model.hash, model.steps_per_second) if output is not None else []
+    files = write_page(path, results, model.hash, model.steps_per_second)
     failed = [name for name, case in results.items() if not case.passed]
     if as_json:
         typer.echo(json.dumps(_document(results, seconds, model.hash), indent=1))
     else:
         _print_table(results)
         typer.echo(f"{len(results) - len(failed)} of {len(results)} cases hold, model {model.hash}, {sum(seconds.values()):.0f} s")
-        if output is not None:
-            typer.echo(f"wrote {output} and {len(files) - 1} pictures")
+        typer.echo(f"wrote {path} and {len(files) - 1} pictures")
     if failed:
         typer.echo(f"not within tolerance: {', '.join(failed)}", err=True)
         raise typer.Exit(EXIT_CASE_FAILED)
-
-
-def _default_page() -> Path:
-    """docs/validation.md of the repository, or of the working directory."""
-    return Path(os.environ.get("SIXSTRUT_ROOT", ".")) / "docs" / "validation.md"
 
 
 def _document(results: dict[str, Case], seconds: dict[str, float], model_hash: str) -> dict[str, object]:

@@ -12,7 +12,17 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sixstrut_cli.options import MOST_INCLINE_DEG, MOST_PERTURBATION, DomainOption, JsonOption, LibraryOption, place_of
+from sixstrut_cli.options import (
+    MOST_INCLINE_DEG,
+    MOST_PERTURBATION,
+    DomainOption,
+    JsonOption,
+    LibraryOption,
+    PageOption,
+    output_folder,
+    place_of,
+    results_page,
+)
 
 if TYPE_CHECKING:
     from tensegrity_lab.stack.virtual_stack import VirtualRobot
@@ -40,9 +50,10 @@ def command(
     library: LibraryOption = "robust",
     domain: DomainOption = None,
     output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Folder for bags, pictures, and a study's trips.", show_default="bags")
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for bags, pictures, and a study's trips.", show_default="bags, out/travel"),
     ] = None,
-    page: Annotated[Path | None, typer.Option(help="Of a study: page to write; its picture goes to images/ beside it.")] = None,
+    page: PageOption = False,
     as_json: JsonOption = False,
 ) -> None:
     """Roll the virtual prototype to a place on the floor, through the whole stack: replanned after every roll from where it rests.
@@ -52,7 +63,7 @@ def command(
 
     sixstrut travel 0.6,0.3
     sixstrut travel 1.0,-0.5 --incline 3 --seed 7
-    sixstrut travel --study 10 -o bags/travels --page docs/travel.md
+    sixstrut travel --study 10 -o bags/travels --page
     """
     from tensegrity_lab.stack.virtual_stack import VirtualRobot
 
@@ -60,7 +71,9 @@ def command(
         raise typer.BadParameter("a study takes a domain of its own for each trip", param_hint="--domain")
     if (place is None) == (study == 0):
         raise typer.BadParameter("give a place such as 0.6,0.3, or --study N", param_hint="X,Y")
-    bags = output or Path("bags")
+    if page and not study:
+        raise typer.BadParameter("only a study makes a page: give --study N as well", param_hint="--page")
+    bags = output or (output_folder("travel") if study else Path("bags"))
     robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
     robot.require()
     if place is None:
@@ -92,7 +105,7 @@ def command(
         raise typer.Exit(4)
 
 
-def _study(goals: int, robot: VirtualRobot, folder: Path, page: Path | None) -> None:
+def _study(goals: int, robot: VirtualRobot, folder: Path, page: bool) -> None:
     from rich.console import Console
 
     from tensegrity_lab.studies.travel_study import cases_of, read_trips, study
@@ -110,11 +123,11 @@ def _study(goals: int, robot: VirtualRobot, folder: Path, page: Path | None) -> 
             _write(cases, found, robot, folder, page)
 
 
-def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, folder: Path, page: Path | None) -> None:
+def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, folder: Path, page: bool) -> None:
     from tensegrity_lab.studies.travel_plot import study_picture
     from tensegrity_lab.studies.travel_study import groups_of, page_of, words_of
 
-    target = page or folder / "travel.md"
+    target = results_page("travel.md") if page else folder / "travel.md"
     images = target.parent / "images"
     images.mkdir(parents=True, exist_ok=True)
     groups = groups_of(found)
@@ -122,7 +135,7 @@ def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, fold
     study_picture(panels, images / "travel.png")
     goals = max(case.number for case in cases)
     chosen = f"--study {goals} --seed {robot.seed} --time-scale {robot.time_scale:g}"
-    command = f"./sixstrut travel {chosen} -o {folder} --page {target}"
+    command = f"./sixstrut travel {chosen} -o {folder}{' --page' if page else ''}"
     text = page_of(found, len(cases) - len(found), robot, command, "images/travel.png")
     target.write_text(text, encoding="utf-8")
     typer.echo(text)

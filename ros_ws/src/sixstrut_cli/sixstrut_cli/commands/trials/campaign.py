@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import MOST_PERTURBATION
+from sixstrut_cli.options import MOST_PERTURBATION, PageOption, results_page
 
 
 def command(
@@ -27,12 +27,9 @@ def command(
     perturbation: Annotated[float, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the prototypes are off.")] = 0.1,
     sample: Annotated[int, typer.Option(min=0, help="Trials to run through the whole stack as well.")] = 12,
     time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Robot seconds per second, of the stack.")] = 8.0,
-    page: Annotated[
-        Path | None,
-        typer.Option(help="Page to write. [default: docs/campaign.md if all primitives and gaits are tried, else none]"),
-    ] = None,
+    page: PageOption = False,
 ) -> None:
-    """Run libraries × 24 gaits on virtual prototypes, fast; a sample of the trials through the whole stack; write report and page.
+    """Run libraries × 24 gaits on virtual prototypes, fast; a sample of the trials through the whole stack; write a report.
 
     Sessions are folders like those of `sixstrut trial`, marked as computed by the batch solver; `sixstrut report` and
     `sixstrut fit` read them.
@@ -46,12 +43,12 @@ def command(
     from tensegrity_lab.terminal.progress import bars
 
     root = Path(os.environ.get("SIXSTRUT_ROOT", "."))
-    whole = primitives == gaits == "all"
     folder = output or root / "bags" / f"campaign_{time.strftime('%Y%m%d_%H%M%S', time.gmtime())}"
     names = tuple(filter(None, (name.strip() for name in libraries.split(","))))
     words = ["./sixstrut", "campaign", "--libraries", libraries, "--primitives", primitives, "--gaits", gaits]
     words += ["--prototypes", str(prototypes), "--seed", str(seed), "--perturbation", f"{perturbation:g}", "--sample", str(sample)]
-    target = page or (root / "docs" / "campaign.md" if whole else None)
+    words += ["--page"] if page else []
+    target = results_page("campaign.md") if page else None
     asked = Asked(
         folder, names, primitives, gaits, prototypes, seed, perturbation, sample, time_scale, target, tuple(words)
     )  # fmt: skip

@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.options import JsonOption, OutputOption, PageOption, PrototypeOption, in_folder, output_folder, results_page
 
 
 def command(
@@ -33,7 +32,7 @@ def command(
     seed: Annotated[int, typer.Option(min=0, help="Same seed and trials, same ensemble.")] = 1,
     lapse: Annotated[float, typer.Option(help="Probability of a trial that comes out otherwise than it should.")] = 0.03,
     prior: Annotated[
-        str, typer.Option(help="Half ranges, e.g. friction=0.6,slope_deg=5.", show_default="see docs/learning.md")
+        str, typer.Option(help="Half ranges, e.g. friction=0.6,slope_deg=5.", show_default="see docs/results/learning.md")
     ] = "",
     library: Annotated[str | None, typer.Option(help="Of bags whose library is not shipped.", show_default=False)] = None,
     demonstrate: Annotated[
@@ -42,7 +41,8 @@ def command(
     robots: Annotated[int, typer.Option(min=1, help="Of a demonstration.")] = 3,
     primitives: Annotated[int, typer.Option(min=1, help="Of each class, of a demonstration.")] = 4,
     searched: Annotated[int, typer.Option(min=0, help="Of a demonstration: robots for which a library is searched.")] = 1,
-    page: Annotated[Path | None, typer.Option(help="Of a demonstration; default: docs/learning.md.", show_default=False)] = None,
+    output: OutputOption = None,
+    page: PageOption = False,
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -62,10 +62,12 @@ def command(
     model = build_model(load_prototype(prototype))
     asked = running.Asked(members, rounds, seed, lapse, running.prior_of(prior), weight)
     if demonstrate:
-        target = page or Path(os.environ.get("SIXSTRUT_ROOT", ".")) / "docs" / "learning.md"
+        target = results_page("learning.md") if page else output_folder("fit", output) / "learning.md"
         typer.echo(running.demonstrated(model, asked, robots, primitives, searched, library or "improved", target))
         typer.echo(f"wrote {target}")
         return
+    if page or output is not None:
+        raise typer.BadParameter("only a demonstration makes a page: give --demonstrate as well", param_hint="--page, --output")
     if not trials:
         raise typer.BadParameter("give at least one session's folder or bag, or --demonstrate", param_hint="SESSION_OR_BAG")
     if counts_only and (ensemble is not None or odds is None):
@@ -73,9 +75,9 @@ def command(
     tries = read_tries(trials, model, library)
     found = None if counts_only else running.fitted(model, tries, asked)
     if ensemble is not None and found is not None:
-        running.write_ensemble(ensemble, model, tries, found)
+        running.write_ensemble(in_folder(ensemble), model, tries, found)
     if odds is not None:
-        running.write_odds(odds, model, tries, found, asked)
+        running.write_odds(in_folder(odds), model, tries, found, asked)
     document = running.document_of(tries, found)
     typer.echo(json.dumps(document) if as_json else running.text_of(tries, found))
     if not as_json:

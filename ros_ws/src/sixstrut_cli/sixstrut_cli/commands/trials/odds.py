@@ -9,12 +9,15 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption
+from sixstrut_cli.options import JsonOption, in_folder, output_folder
 
 
 def command(
     bags: Annotated[list[Path], typer.Argument(metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags.")],
-    picture: Annotated[Path, typer.Option(help="PNG: predicted odds against the share that succeeded.")] = Path("odds.png"),
+    picture: Annotated[
+        Path | None,
+        typer.Option(help="PNG: predicted odds against the share that succeeded. [default: out/odds/odds.png]", show_default=False),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Set what the planner's rehearsals foretold against what then happened, roll by roll: calibration plot and Brier score.
@@ -39,7 +42,8 @@ def command(
             err=True,
         )
         raise typer.Exit(1)
-    odds_picture([(f"{len(rolls)} rolls", told)], picture)
+    picture = picture or output_folder("odds") / "odds.png"
+    odds_picture([(f"{len(rolls)} rolls", told)], in_folder(picture))
     if as_json:
         document = {"rolls": [one._asdict() for one in rolls], "brier": told.brier, "expected": told.expected}
         typer.echo(json.dumps(document | {"observed": told.observed, "bins": told.bins, "picture": str(picture)}))

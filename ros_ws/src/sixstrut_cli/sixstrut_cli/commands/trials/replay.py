@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import JsonOption
+from sixstrut_cli.options import JsonOption, in_folder
 
 
 def command(
@@ -36,6 +36,10 @@ def command(
             show_default=False,
         ),
     ] = None,
+    animation: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A moving picture of the session, .webp or .gif, of eight seconds.", show_default=False),
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Step the twin through the commands that were sent; compare faces with those observed, bits with the live twin's.
@@ -46,6 +50,7 @@ def command(
 
     sixstrut replay bags/example.mcap
     sixstrut replay bags/example.mcap --picture session.png --set mu_s=0.45 --set mu_k=0.4
+    sixstrut replay bags/example.mcap --animation rolls.webp
     sixstrut replay bags/monday/bags/session_20260102_030405.mcap --trial 17 --ensemble 24 --picture trial.png
     """
     from sim_core.rolling.warm_up import Stage
@@ -55,11 +60,13 @@ def command(
     asked = parsed_changes(changes or [])
     if ensemble and not (trial or trials):
         raise typer.BadParameter("--ensemble tells the odds of trials: give --trial N or --trials too")
+    if animation is not None and (trial or trials or animation.suffix not in (".webp", ".gif")):
+        raise typer.BadParameter("it shows a whole session: a file .webp or .gif, without --trial", param_hint="--animation")
     compile_first(Stage.ROBOT, *([Stage.BATCH] if ensemble else []))
     if trial or trials:
         same = _by_trial(bag, trial or [], ensemble, asked, compare, picture, as_json)
     else:
-        same = _whole(bag, asked, actuators, compare, picture, as_json)
+        same = _whole(bag, asked, actuators, compare, picture, animation, as_json)
     if not same:
         raise typer.Exit(4)
 
@@ -109,7 +116,7 @@ def _by_trial(
                 rate = f"{told.rate.successes} of {members} ({interval})"
                 typer.echo(f"odds of {told.gait.name}: {rate} on {law.law.words}; ends on {ends}")
     if picture is not None:
-        course_picture(courses[0], picture)
+        course_picture(courses[0], in_folder(picture))
     agree = [course.agrees for course in courses if course.agrees is not None]
     if as_json:
         rows = [_document(course, odds) for course in courses]
@@ -142,7 +149,15 @@ def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, picture: Path | None, as_json: bool) -> bool:
+def _whole(
+    bag: Path,
+    changes: dict[str, float],
+    actuators: str,
+    compare: bool,
+    picture: Path | None,
+    animation: Path | None,
+    as_json: bool,
+) -> bool:
     from rich.progress import Progress
 
     from hardware_bridge.recording.bag_reader import read_session
@@ -150,15 +165,20 @@ def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, 
     from sim_core.dynamics.actuators import require_actuators
     from tensegrity_lab.bags.replay import model_of, replay, require_same_model
     from tensegrity_lab.bags.trial_replay import changed_model
+    from tensegrity_lab.reports.animation import Moment, Stand, animate, moment_of
 
     drives = require_actuators(actuators)
     session = read_session(bag, topics=TOPICS)
     if not (changes or compare):
         require_same_model(session, model_of(session))
     model = changed_model(session, changes, drives)
+    moments: list[Moment] = []
+    watch = (
+        (lambda time_s, robot: moments.append(moment_of(time_s, robot))) if animation is not None else (lambda time_s, robot: None)
+    )
     with Progress(transient=True, disable=as_json) as bar:
         task = bar.add_task("replaying", total=None)
-        result = replay(session, model, drives, report=lambda done, total: bar.update(task, completed=done, total=total))
+        result = replay(session, model, drives, lambda done, total: bar.update(task, completed=done, total=total), watch)
     same_bits = result.same_states == result.live_states
     same_face = result.recorded is None or result.final == result.recorded
     if picture is None and not as_json:
@@ -167,7 +187,10 @@ def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, 
     if picture is not None:
         from tensegrity_lab.reports.figure import session_picture
 
-        session_picture(session, result, picture)
+        session_picture(session, result, in_folder(picture))
+    if animation is not None:
+        stands = [Stand(check.time_s, check.predicted) for check in result.faces if check.predicted]
+        animate(moments, stands, in_folder(animation), f"{bag.name}: the twin, stepped through a recorded session")
     if as_json:
         typer.echo(
             json.dumps(
@@ -198,6 +221,7 @@ def _whole(bag: Path, changes: dict[str, float], actuators: str, compare: bool, 
     end = f"ended on {result.final or 'no face'}"
     typer.echo(f"  {end}, recorded: {result.recorded or 'nobody looked'}{'' if same_face else ' — they differ'}")
     typer.echo(f"  final state {result.digest} at step {result.step}, model {result.model_hash}")
-    if picture is not None:
-        typer.echo(f"  wrote {picture}")
+    for written in (picture, animation):
+        if written is not None:
+            typer.echo(f"  wrote {written}")
     return same_bits and same_face

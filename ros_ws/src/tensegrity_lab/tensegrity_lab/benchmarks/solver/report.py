@@ -81,8 +81,8 @@ def as_markdown(report: Report, picture: str | None) -> str:
     m, plan = report.machine, report.plan
     parts = [
         "# Benchmark",
-        "Written by `./sixstrut bench`; do not edit. The same robot, the same policies, one run, the engines in turn, the fastest "
-        f"of {plan.rounds} measurements each. MuJoCo's model is made from the same numbers "
+        "Written by `./sixstrut bench --page`; do not edit. The same robot, the same policies, one run, the engines in turn, the "
+        f"fastest of {plan.rounds} measurements each. MuJoCo's model is made from the same numbers "
         "(`tensegrity_lab/benchmarks/solver/mujoco_model.py` says what differs); its batches run in its own thread pool "
         "(`mujoco.rollout`), one robot by `mj_step`.",
         f"{m.processor}; {m.processors} processors; Python {m.python}, numba {m.numba}, MuJoCo {m.mujoco}; "

@@ -35,8 +35,8 @@ def as_markdown(report: StackReport, picture: str | None) -> str:
     r = report
     parts = [
         "# What the stack itself costs",
-        "Written by `./sixstrut bench --stack`; do not edit. Every process is the real one, the board is the virtual prototype's "
-        "on a pseudo-terminal; no robot and no Bluetooth module was there. Processor time is in percent of one core.",
+        "Written by `./sixstrut bench --stack --page`; do not edit. Every process is the real one, the board is the virtual "
+        "prototype's on a pseudo-terminal; no robot and no Bluetooth module was there. Processor time is in percent of one core.",
         f"{r.processor}; {r.processors} processors; Python {r.python}, {r.rmw}; load average before {r.load[0]:.1f}, at the "
         f"end {r.load[1]:.1f}. Before, it should be near 0: whatever else ran is in these figures.",
         *([f"![evenness, latency, processor time, start]({picture})"] if picture else []),
