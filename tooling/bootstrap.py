@@ -83,7 +83,8 @@ def set_up(layout: Layout, groups: Sequence[str] = ()) -> None:
     """Does what is not done yet. Each result bears a stamp, written last, of all that it depends on.
 
     Args:
-        groups: Packages that are needed beside the base.
+        layout: of the checkout.
+        groups: of packages, needed beside the base.
     """
     if _ready(layout, groups):
         return

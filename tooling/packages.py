@@ -60,8 +60,11 @@ def needed(layout: Layout, groups: Iterable[str]) -> list[Requirement]:
 
 
 def install(layout: Layout, groups: Sequence[str], runner: Runner, environ: Mapping[str, str]) -> None:
-    """Installs groups. With the base among them the environment is made from nothing: what an interrupted or older set-up left is
-    removed first. Else only what no group has brought yet is added."""
+    """Installs groups.
+
+    With the base among them the environment is made from nothing: what an interrupted or older set-up left is removed first. Else
+    only what no group has brought yet is added.
+    """
     environ = _clean(environ)
     progress = runner.progress
     there = {} if "base" in groups else _installed(layout)
