@@ -30,9 +30,9 @@ def command(
     The robot rests on TC6, feet sticking. The ropes' stretch stays, so prestress scales alike. A simulated free vibration
     checks the result.
 
-    sixstrut calibrate-model -o mine.yaml
-    sixstrut calibrate-model --frequency 4.8 --measured joint_mass_kg=0.0091 -o mine.yaml
-    sixstrut calibrate-model --measured tendon_stiffness_n_m=395 --keep-ropes -o mine.yaml
+    sixstrut calibrate-model -o my_prototype.yaml
+    sixstrut calibrate-model --frequency 4.8 --measured joint_mass_kg=0.0091 -o my_prototype.yaml
+    sixstrut calibrate-model --measured tendon_stiffness_n_m=395 --keep-ropes -o my_prototype.yaml
     """
     from sim_core.dynamics.model import build_model
     from sim_core.dynamics.vibration_modes import calibrated, first_frequency_hz, vibrated_frequency_hz

@@ -25,7 +25,7 @@ def command(
 
     sixstrut climb
     sixstrut climb improved --actuators ideal
-    sixstrut climb mine.yaml --json
+    sixstrut climb my_library.yaml --json
     """
     from rich.console import Console
 

@@ -58,7 +58,7 @@ def command(
 
     sixstrut robustness robust --scale 0.1 --picture robust.png --csv robust/
     sixstrut robustness robust --groups judged,slope --prototypes 50 --scheduler tcp://host:8786
-    sixstrut robustness mine.yaml --one-gait --design sobol --json
+    sixstrut robustness my_library.yaml --one-gait --design sobol --json
     sixstrut robustness robust --quick --cost
     """
     if page and not cost:

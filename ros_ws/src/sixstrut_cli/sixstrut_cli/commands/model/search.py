@@ -60,7 +60,7 @@ def command(
     best on perturbed prototypes and inclined ground. Ctrl-C stops it after the generation; the same command goes on from there.
 
     sixstrut search
-    sixstrut search robust -o mine.yaml --seed 7
+    sixstrut search robust -o my_library.yaml --seed 7
     sixstrut search robust --ensemble ours.yaml -o for_ours.yaml
     sixstrut search --active 3 --class TO5-TC6 --keep 5 -o three_struts.yaml
     """

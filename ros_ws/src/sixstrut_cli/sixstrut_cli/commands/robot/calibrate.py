@@ -32,8 +32,8 @@ def command(
     Needs a ruler and a terminal. Interrupted with Ctrl-C, it goes on from there when it is started again with the same file.
     The bridge must not run meanwhile: it holds the port.
 
-    sixstrut calibrate mine.yaml --port /dev/rfcomm0 --robot "blue one"
-    sixstrut calibrate mine.yaml --port /dev/ttyUSB0 --board ssc32
+    sixstrut calibrate my_calibration.yaml --port /dev/rfcomm0 --robot "blue one"
+    sixstrut calibrate my_calibration.yaml --port /dev/ttyUSB0 --board ssc32
     sixstrut calibrate practice.yaml --virtual --board maestro
     """
     from rich.console import Console
