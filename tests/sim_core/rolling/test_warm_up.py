@@ -52,7 +52,7 @@ def test_a_fresh_clone_compiles_once_and_its_second_run_nothing(fresh):
     warm_before, done, told, own_s, used, warm = run(fresh)
     assert not warm_before
     assert warm
-    assert "kernel.advance" in done
+    assert "vfife.advance" in done
     assert sorted(told) == sorted(done)
     assert all(seconds >= 0.0 for seconds in own_s)
     assert used == [], "the stage left out what a robot needs"
