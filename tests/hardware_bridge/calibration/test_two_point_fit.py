@@ -43,7 +43,7 @@ def test_a_large_offset_is_no_trim() -> None:
 )
 def test_readings_that_make_no_sense_are_refused(short: Measured, long: Measured, says: str) -> None:
     with pytest.raises(CalibrationError, match=says) as caught:
-        pulse_at_mm("S4", short, long)
+        pulse_at_mm("S4", short, long, 234.0)
     assert caught.value.strut == "S4"
 
 
