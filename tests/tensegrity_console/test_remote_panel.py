@@ -28,12 +28,12 @@ def told(remote, operator):
     """What the session publishes, and a publisher of keys."""
     from std_msgs.msg import String
 
-    from tensegrity_lab.failures.operator import LATCHED
-    from tensegrity_lab.failures.processes import wait_until
+    from tensegrity_lab.stack.processes import wait_until
     from tensegrity_lab.trials.remote_panel import KEY_TOPIC, PANEL_TOPIC
+    from tensegrity_robot.ros import qos
 
     panels = []
-    operator.node.create_subscription(String, PANEL_TOPIC, lambda m: panels.append(json.loads(m.data or "{}")), LATCHED)
+    operator.node.create_subscription(String, PANEL_TOPIC, lambda m: panels.append(json.loads(m.data or "{}")), qos.LATCHED)
     publisher = operator.node.create_publisher(String, KEY_TOPIC, 100)
     wait_until(lambda: publisher.get_subscription_count() > 0, 10.0, "the session's node")
 
@@ -46,7 +46,7 @@ def told(remote, operator):
 
 
 def test_keys_come_from_either_side(remote, told):
-    from tensegrity_lab.failures.processes import wait_until
+    from tensegrity_lab.stack.processes import wait_until
 
     panels, shown, press = told
     ours, theirs = os.pipe()
@@ -89,13 +89,13 @@ def test_a_key_answers_one_panel_once(remote, told, capfd):
 def test_the_panel_is_shown_elsewhere_and_gone_with_the_session(domain, operator, monkeypatch):
     from std_msgs.msg import String
 
-    from tensegrity_lab.failures.operator import LATCHED
-    from tensegrity_lab.failures.processes import wait_until
+    from tensegrity_lab.stack.processes import wait_until
     from tensegrity_lab.trials.remote_panel import PANEL_TOPIC, Mirrored, Remote
+    from tensegrity_robot.ros import qos
 
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     told = []
-    operator.node.create_subscription(String, PANEL_TOPIC, lambda m: told.append(m.data), LATCHED)
+    operator.node.create_subscription(String, PANEL_TOPIC, lambda m: told.append(m.data), qos.LATCHED)
     remote = Remote()
     panel = Mirrored(Lines("virtual trials"), remote)
     with panel:

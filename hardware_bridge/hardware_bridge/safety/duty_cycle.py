@@ -61,10 +61,6 @@ class Duty:
     def _old_in_s(self, start_s: float, now_s: float, limits: Limits) -> float:
         return start_s + limits.duty_window_s * (1.0 + 1.0 / _PARTS) - now_s
 
-    def moved_by(self, seconds: float) -> Duty:
-        """The same on a clock that reads `seconds` more."""
-        return Duty(tuple((start_s + seconds, run_s) for start_s, run_s in self.spells))
-
 
 def check_duty(duty: Duty, path: Trajectory, now_s: float, rules: Rules) -> None:
     """Whether there is time left for a whole path.

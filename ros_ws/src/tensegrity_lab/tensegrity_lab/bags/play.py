@@ -29,7 +29,7 @@ from tensegrity_interfaces.msg import TwinState
 from tensegrity_lab.bags.replay import events_of, model_of
 from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.message_types import message_class
-from tensegrity_lab.stack.processes import Stack, executable, ros_arguments, wait_until
+from tensegrity_lab.stack.processes import Stack, wait_until
 from tensegrity_robot.ros import qos
 from tensegrity_robot.ros.cdr import wire_bytes
 from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
@@ -90,7 +90,7 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
         publishers = {name: node.create_publisher(message_class(type_name), name, TOLD[name]) for name, type_name in types.items()}
         if not twin:
             return Played(_publish(due, publishers, types, rate, told), None)
-        parameters: dict[str, object] = {"start_face": start}
+        parameters: dict[str, Any] = {"start_face": start}
         if "prototype.yaml" in session.attachments:
             (folder / "prototype.yaml").write_bytes(session.attachments["prototype.yaml"])
             parameters["prototype_file"] = folder / "prototype.yaml"
@@ -98,7 +98,7 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
         newest: list[TwinState] = []
         node.create_subscription(TwinState, "twin/state", lambda message: newest.__setitem__(slice(None), [message]), qos.STATES)
         _spin(node, closing)
-        stack.start("twin", [executable("tensegrity_robot", "twin"), *ros_arguments(parameters)])
+        stack.node("twin", **parameters)
         for name in STREAM:
             if name in publishers:
                 ready = publishers[name]

@@ -17,9 +17,9 @@ from hardware_bridge.prototype_client.observation import Observation
 from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.topology import STRUTS as STRUT_ENDS
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.failures.processes import wait_until
 from tensegrity_lab.failures.rig import MID, Lab, Setup, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import wait_until
 
 BOARDS = ("lsc", "ssc32", "maestro")
 DEATHS = 2

@@ -17,9 +17,9 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
 from tensegrity_lab.failures.link_failures import last_line
-from tensegrity_lab.failures.processes import wait_until
 from tensegrity_lab.failures.rig import MID, STRUTS, Lab, percentile, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import wait_until
 
 STOP_LIMIT_MS = 50.0
 STOPS = 10
@@ -74,7 +74,7 @@ def second_ones(lab: Lab) -> Evidence:
     evidence = Evidence()
     operator = lab.use(STRUTS)
     lease = lab.arm("first")
-    elsewhere = lab.processes.start("hardware_bridge", "--ros-args", "-r", "__ns:=/another")
+    elsewhere = lab.processes.node("hardware_bridge", "--ros-args", "-r", "__ns:=/another")
     evidence.says(last_line(elsewhere, 1), "another bridge drives robot")
     try:
         serial.Serial(str(lab.link), exclusive=True).close()
@@ -97,7 +97,7 @@ def other_clocks(lab: Lab) -> Evidence:
     evidence = Evidence()
     operator = lab.use(STRUTS)
     lab.end_bridge()
-    evidence.says(last_line(lab.processes.start("hardware_bridge", use_sim_time=True), 1), "use_sim_time is true")
+    evidence.says(last_line(lab.processes.node("hardware_bridge", use_sim_time=True), 1), "use_sim_time is true")
     lab.start_bridge()
     clock = operator.node.create_publisher(ClockMessage, "/clock", 10)
     seconds = [1e6]

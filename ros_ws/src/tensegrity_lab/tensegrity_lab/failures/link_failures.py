@@ -12,9 +12,9 @@ import serial
 
 from hardware_bridge.prototype_client.fault_client import FROM_BOARD, TO_BOARD
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.failures.processes import Process, wait_until
 from tensegrity_lab.failures.rig import MID, ROLLING, STRUTS, Lab, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import Process, wait_until
 
 START_LIMIT_S = 20.0
 LOST_LIMIT_S = 10.0
@@ -35,9 +35,7 @@ def bad_port(lab: Lab) -> Evidence:
     tty.setraw(far)
     taken = serial.Serial(os.ttyname(far), exclusive=True)
     try:
-        started = [
-            lab.processes.start("hardware_bridge", port=port) for port in ("/dev/nothing_here", os.ttyname(far), "/dev/null")
-        ]
+        started = [lab.processes.node("hardware_bridge", port=port) for port in ("/dev/nothing_here", os.ttyname(far), "/dev/null")]
         wanted = ("does not exist; start the virtual prototype", "is in use; stop the other program", "is no serial port")
         for process, part in zip(started, wanted, strict=True):
             evidence.says(last_line(process, 1), "error: port ", part)

@@ -17,9 +17,9 @@ from hardware_bridge.calibration.calibration_file import text_of
 from hardware_bridge.calibration.pulse_map import load_calibration
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.processes import wait_until
 from tensegrity_lab.failures.rig import MID, STRUTS, Lab
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import wait_until
 
 DAMAGE = 4096
 """Bytes of zeros, a page of a disk."""
@@ -112,7 +112,7 @@ def bridge_at(lab: Lab, port: str, calibration: Path) -> Iterator[None]:
     """A bridge at a port of its own, in place of the lab's, while the block lasts."""
     operator = lab.operator
     operator.bridge = None
-    bridge = lab.processes.start("hardware_bridge", port=port, calibration=str(calibration))
+    bridge = lab.processes.node("hardware_bridge", port=port, calibration=str(calibration))
     bridge.says("DISARMED, nothing moves")
     wait_until(lambda: operator.bridge is not None and operator.bridge.port == port, 30.0, "the bridge at the other port")
     expect(operator.bridge.state == BridgeState.DISARMED, "it is not disarmed")

@@ -14,9 +14,9 @@ from hardware_bridge.recording.bag_reader import Session, read_session
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_lab.bags.replay import ReplayError, model_of, require_same_model
 from tensegrity_lab.failures.link_failures import last_line
-from tensegrity_lab.failures.processes import wait_until
 from tensegrity_lab.failures.rig import ROLLING, STRUTS, Lab, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import wait_until
 
 ROOM_BYTES = 100_000
 
@@ -26,7 +26,7 @@ def log_fails(lab: Lab) -> Evidence:
     evidence = Evidence()
     lab.use(STRUTS)
     lab.end_bridge()
-    unwritable = lab.processes.start("hardware_bridge", bag_folder="/proc/sixstrut")
+    unwritable = lab.processes.node("hardware_bridge", bag_folder="/proc/sixstrut")
     evidence.says(last_line(unwritable, 1), "/proc/sixstrut", "give another bag_folder")
     lab.use(STRUTS, space_limit_mb=1e7)
     evidence.says(lab.refused_arm(), "MB are free in", "the limit is 10000000 MB (space_limit_mb): free space")
@@ -144,7 +144,7 @@ def nodes_die(lab: Lab) -> Evidence:
     lab.node("twin").ends()
     operator.twin = None
     lab.restart("twin").says("the event stream")
-    operator.meets_stack()
+    operator.wait_for_stack()
     goal = lab.begin_roll()
     operator.end(goal)
     return evidence
@@ -176,6 +176,6 @@ def what_does_not_go_together(lab: Lab) -> Evidence:
     file = lab.folder / "of_another_board.yaml"
     own = files("hardware_bridge") / "data" / "calibration_default.yaml"
     file.write_text(f"board: ssc32\n{own.read_text(encoding='utf-8')}", encoding="utf-8")
-    mismatched = lab.processes.start("hardware_bridge", calibration=file)
+    mismatched = lab.processes.node("hardware_bridge", calibration=file)
     evidence.says(last_line(mismatched, 1), "board is lsc, but", "is for ssc32; set the board to ssc32")
     return evidence

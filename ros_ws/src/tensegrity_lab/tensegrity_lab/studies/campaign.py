@@ -19,7 +19,6 @@ from tensegrity_lab.session_data.folder import SessionFolder
 from tensegrity_lab.studies.campaign_batch import require_new, session_of
 from tensegrity_lab.studies.campaign_stack_sample import Pair, chosen, table_of, through_the_stack
 
-DEFAULT_LIBRARIES = ("robust", "improved", "previous")
 SESSIONS, STACK, REPORT = "sessions", "stack", "report"
 
 

@@ -52,7 +52,7 @@ class Session:
         self._keys = keys
         self._forecast_s = forecast_s
         self._began_s = 0.0
-        self._pause = self._leave = False
+        self._leave = False
         self._tried = 0
         self._unlogged: list[Line] = []
 

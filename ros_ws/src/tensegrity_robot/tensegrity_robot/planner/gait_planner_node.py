@@ -135,7 +135,6 @@ class GaitPlannerNode(Node):
         )
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._bridge: BridgeState | None = None
-        self._bridge_heard = 0.0
         self._sent: StrutsSent | None = None
         self._twin: TwinState | None = None
         self._twin_newest: TwinState | None = None
