@@ -35,7 +35,7 @@ from hardware_bridge.safety.trajectory import Trajectory
 from hardware_bridge.saved_state.robot_identity import identity_of
 from hardware_bridge.saved_state.robot_records import Records
 from hardware_bridge.saved_state.state_file import state_directory
-from sim_core.files.printable import NAME_MOST, printable
+from sim_core.printable import NAME_MOST, printable
 
 _log = logging.getLogger(__name__)
 

@@ -24,7 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from sim_core.files.printable import NAME_MOST, printable
+from sim_core.printable import NAME_MOST, printable
 from sim_core.twin.live_bridge import LiveBridge
 from tensegrity_console.web.state import NOWHERE, Facts, rehearsal_of
 from tensegrity_interfaces.action import Roll, Travel

@@ -23,7 +23,7 @@ from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from hardware_bridge.recording.bag_reader import Bag, BagError, Recorded, Session, read_bag
-from sim_core.files.printable import printable
+from sim_core.printable import printable
 from sim_core.twin.follower import MOST_TIME_SCALE
 from tensegrity_interfaces.msg import TwinState
 from tensegrity_lab.bags.replay import events_of, model_of

@@ -24,7 +24,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hardware_bridge.errors import may_be_sent_again
 from hardware_bridge.safety.lease_proof import Prover
-from sim_core.files.printable import printable
+from sim_core.printable import printable
 from sim_core.twin.live_bridge import LiveBridge
 from tensegrity_interfaces.action import ExecuteStruts, Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, Rehearsal, StrutsSent, TrialRecord, TwinState

@@ -13,7 +13,7 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from hardware_bridge.safety.lease_proof import Prover
-from sim_core.files.printable import NAME_MOST, printable
+from sim_core.printable import NAME_MOST, printable
 from tensegrity_interfaces.msg import BridgeState, LeaseProof
 from tensegrity_interfaces.srv import Arm, Disarm
 from tensegrity_robot.ros import qos

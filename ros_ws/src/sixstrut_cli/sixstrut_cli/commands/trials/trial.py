@@ -55,7 +55,7 @@ def command(
     sixstrut trial bags/monday --primitives 1-4 --virtual --perturbation 0.1 --seed 3
     sixstrut trial bags/monday --virtual
     """
-    from sim_core.files.printable import NAME_MOST, printable
+    from sim_core.printable import NAME_MOST, printable
     from tensegrity_lab.trials.session_start import Asked, run
     from tensegrity_lab.trials.session_start import experimenter as login
 
