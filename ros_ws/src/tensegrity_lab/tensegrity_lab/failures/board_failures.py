@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hardware_bridge.boards.names import BOARDS
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.prototype_client.fault_client import TO_BOARD
 from hardware_bridge.prototype_client.handshake import observer_path
@@ -21,7 +22,6 @@ from tensegrity_lab.failures.rig import MID, Lab, Setup, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.stack.processes import wait_until
 
-BOARDS = ("lsc", "ssc32", "maestro")
 DEATHS = 2
 SPEED_M_S = 0.014
 """A little less than a gait's, so that ideal actuators do not lag: a lagging one also goes on to where it was last sent."""

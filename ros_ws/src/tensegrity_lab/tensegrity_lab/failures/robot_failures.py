@@ -15,6 +15,7 @@ from pathlib import Path
 from hardware_bridge.boards.lsc import CMD_BATTERY, FrameDecoder, encode_battery_reply
 from hardware_bridge.calibration.calibration_file import text_of
 from hardware_bridge.calibration.pulse_map import load_calibration
+from sim_core.names import STRUT_NAMES
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
 from tensegrity_lab.failures.rig import MID, STRUTS, Lab
@@ -53,9 +54,8 @@ def calibration_of(lab: Lab, robot: str, stroke_mm: float) -> Path:
     """A calibration of a robot: the virtual prototype's numbers, but for its name and how far its struts go."""
     known = load_calibration()
     struts = [replace(strut, stroke_mm=(-stroke_mm, stroke_mm)) for strut in known.struts]
-    names = [f"S{number}" for number in range(1, 7)]
     path = lab.folder / f"{robot}.yaml"
-    path.write_text(text_of(robot, known.mid_stroke_length_m, dict(zip(names, struts, strict=True)), ""), encoding="utf-8")
+    path.write_text(text_of(robot, known.mid_stroke_length_m, dict(zip(STRUT_NAMES, struts, strict=True)), ""), encoding="utf-8")
     return path
 
 

@@ -24,6 +24,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hardware_bridge.errors import may_be_sent_again
 from hardware_bridge.safety.lease_proof import Prover
+from sim_core.names import STRUT_NAMES
 from sim_core.printable import printable
 from sim_core.twin.live_bridge import LiveBridge
 from tensegrity_interfaces.action import ExecuteStruts, Roll, Travel
@@ -404,7 +405,7 @@ class StackClient:
         It is under way or refused when this returns: a motion that the bridge took longer to judge than its stamp is good for is
         sent again. Not with an age of its own, or `once`.
         """
-        trajectory = JointTrajectory(joint_names=names or [f"S{number}" for number in range(1, 7)])
+        trajectory = JointTrajectory(joint_names=names or STRUT_NAMES)
         for time_s, lengths_m in knots:
             point = JointTrajectoryPoint(positions=lengths_m)
             point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(time_s * 1e9), 1_000_000_000)

@@ -27,6 +27,7 @@ from sim_core.gaits.library import Gait, load_library
 from sim_core.gaits.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View, known_face
 from sim_core.gaits.strut_motion import Knot, constant_speed_knots
 from sim_core.gaits.success_probability import load_odds
+from sim_core.names import STRUT_NAMES
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage, is_warm
 from sim_core.structure.parameters import load_prototype
@@ -43,7 +44,6 @@ from tensegrity_robot.planner.lease_client import CALL_TIMEOUT_S, Lease
 from tensegrity_robot.planner.rehearsal_worker import Rehearser, Rehearsing, rehearsal_message
 from tensegrity_robot.planner.rehearse_service import serve_rehearse, wanted_gait
 from tensegrity_robot.ros import qos
-from tensegrity_robot.ros.conversions import STRUT_NAMES
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.event_filters import EventTimes
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sixstrut_cli.options import MOST_INCLINE_DEG, MOST_PERTURBATION, DomainOption, JsonOption, LibraryOption, place_of
+from sixstrut_cli.options import MOST_INCLINE_DEG, MOST_PERTURBATION, BoardOption, DomainOption, JsonOption, LibraryOption, place_of
 
 if TYPE_CHECKING:
     from tensegrity_lab.stack.virtual_stack import VirtualRobot
@@ -35,7 +35,7 @@ def command(
     ] = 0.05,
     incline: Annotated[float, typer.Option(min=0.0, max=MOST_INCLINE_DEG, help="Of the ground, in degrees.")] = 0.0,
     time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Robot seconds per second.")] = 8.0,
-    board: Annotated[str, typer.Option(help="Servo board to emulate: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
+    board: BoardOption = "lsc",
     actuators: Annotated[str, typer.Option(help="The prototype's actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
     library: LibraryOption = "robust",
     domain: DomainOption = None,
