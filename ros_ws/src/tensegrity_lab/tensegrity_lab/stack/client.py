@@ -28,12 +28,12 @@ from sim_core.names import STRUT_NAMES
 from sim_core.printable import printable
 from sim_core.twin.live_bridge import LiveBridge
 from tensegrity_interfaces.action import ExecuteStruts, Roll, Travel
-from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, Rehearsal, StrutsSent, TrialRecord, TwinState
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, StrutsSent, TrialRecord, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, FaceGraph, LogTrial, SetFace
 from tensegrity_lab.errors import StackError, granted
 from tensegrity_lab.stack.processes import START_LIMIT_S, Stack, wait_until
 from tensegrity_lab.stack.ros_thread import Spinner
-from tensegrity_robot.ros import qos
+from tensegrity_robot.ros import topics
 from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
 
 MID_M = 0.234
@@ -107,16 +107,16 @@ class StackClient:
         self._prover = Prover("")
         self._joints: dict[str, np.ndarray] = {}
         self._live = LiveBridge(node.get_logger().warning)
-        subscribe, keep = node.create_subscription, partial(partial, setattr, self)
-        subscribe(BridgeState, "bridge/state", self._on_bridge, qos.LATCHED)
-        subscribe(FaceObservation, "bridge/face", lambda face: self._live.takes(face, keep("observed")), qos.FACES)
-        subscribe(TwinState, "twin/state", self._on_twin, qos.STATES)
-        subscribe(Rehearsal, "rehearsal", keep("rehearsal"), qos.LATCHED)
+        keep = partial(partial, setattr, self)
+        topics.BRIDGE_STATE.subscribe(node, self._on_bridge)
+        topics.BRIDGE_FACE.subscribe(node, lambda face: self._live.takes(face, keep("observed")))
+        topics.TWIN_STATE.subscribe(node, self._on_twin)
+        topics.REHEARSAL.subscribe(node, keep("rehearsal"))
         self._events = events
         if events:
-            subscribe(StrutsSent, "bridge/struts_sent", self._on_sent, qos.STREAM)
-            subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.STATES)
-        self._proof = node.create_publisher(LeaseProof, "bridge/lease", 10)
+            topics.STRUTS_SENT.subscribe(node, self._on_sent)
+            topics.DIAGNOSTICS.subscribe(node, self._on_diagnostics)
+        self._proof = topics.LEASE.publisher(node)
         node.create_timer(0.2, self._prove)
         self._clients = {service: node.create_client(kind, service) for service, kind in SERVICES.items()}
         self._roll = ActionClient(node, Roll, "roll")
@@ -137,8 +137,8 @@ class StackClient:
         def keep(topic: str, message: PoseArray) -> None:
             self._joints[topic] = np.array([(p.position.x, p.position.y, p.position.z) for p in message.poses[:12]])
 
-        for topic in ("twin/joints", "bridge/observed_joints"):
-            self.node.create_subscription(PoseArray, topic, partial(keep, topic), qos.STATES)
+        for topic in (topics.TWIN_JOINTS, topics.OBSERVED_JOINTS):
+            topic.subscribe(self.node, partial(keep, topic.name))
 
     def _on_bridge(self, state: BridgeState) -> None:
         if self._only and state.prototype != self._only:

@@ -20,7 +20,6 @@ from typing import Any
 from tensegrity_lab.terminal.keys import ENTER
 from tensegrity_lab.trials.panel import Panel, Shown
 
-PANEL_TOPIC, KEY_TOPIC = "trial/panel", "trial/key"
 _BYTES = {ENTER: b"\r"}
 KNOWN = frozenset("yvnuqpm0123456789")
 LONGEST = 200
@@ -59,12 +58,12 @@ class Remote:
         from rclpy.signals import SignalHandlerOptions
         from std_msgs.msg import String
 
-        from tensegrity_robot.ros import qos
         from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+        from tensegrity_robot.ros.topics import TRIAL_KEY, TRIAL_PANEL
 
         os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self.keys_from, self._keys_to = os.pipe()
-        self._string = String
+        self._string, self._key_topic = String, TRIAL_KEY.name
         self._lock = threading.Lock()
         self._shown: Shown | None = None
         self._id = ""
@@ -72,8 +71,8 @@ class Remote:
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node("sixstrut_trial", context=self._context)
-        self._panel = self._node.create_publisher(String, PANEL_TOPIC, qos.LATCHED)
-        self._node.create_subscription(String, KEY_TOPIC, self._on_key, qos.STATES)
+        self._panel = TRIAL_PANEL.publisher(self._node)
+        TRIAL_KEY.subscribe(self._node, self._on_key)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._thread = threading.Thread(target=self._spin, name="remote", daemon=True)
@@ -96,7 +95,7 @@ class Remote:
         if not meant and not self._warned:
             self._warned = True
             self._node.get_logger().warning(
-                f"a key on {KEY_TOPIC} answers no panel of this session: ignored, as all such are; is a bag being played beside it?"
+                f"a key on {self._key_topic} answers no panel of this session: ignored, as all such are; is a bag being played beside it?"
             )
 
     def show(self, shown: Shown | None) -> None:

@@ -6,7 +6,6 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from geometry_msgs.msg import PoseArray
 from rclpy.lifecycle import LifecycleNode
 from std_msgs.msg import Header
 
@@ -20,8 +19,8 @@ from sim_core.twin.rest_detector import STRUTS_HOLD_S
 from tensegrity_interfaces.msg import FaceObservation
 from tensegrity_robot.bridge import bridge_messages
 from tensegrity_robot.bridge.recorded_topics import RecordedTopics
-from tensegrity_robot.ros import qos
 from tensegrity_robot.ros.event_filters import ObservationFilter
+from tensegrity_robot.ros.topics import OBSERVED_JOINTS
 
 STILL_M = 0.0003
 """A change of length that is none: of what is seen of a strut at rest."""
@@ -90,7 +89,7 @@ class Observing:
         self._node = node
         self._topics = topics
         self._frame = frame
-        self._observed = topics.publisher(PoseArray, "bridge/observed_joints", qos.STATES)
+        self._observed = topics.publisher(OBSERVED_JOINTS)
         self._news = ObservationFilter()
         self._client: ObserverClient | None = None
         self._bridge: RemoteBridge | None = None

@@ -8,12 +8,12 @@ import time
 from typing import Self
 
 from diagnostic_msgs.msg import DiagnosticArray
-from sensor_msgs.msg import JointState
 
 from tensegrity_interfaces.msg import StrutsSent, TwinState
 from tensegrity_lab.stack.client import StackClient
 from tensegrity_lab.stack.processes import START_LIMIT_S, Stack
 from tensegrity_robot.ros import qos
+from tensegrity_robot.ros.topics import TWIN_JOINT_STATES
 
 
 class Probe(StackClient):
@@ -32,7 +32,7 @@ class Probe(StackClient):
         self.writes: list[tuple[int, bool]] = []
         self.log: tuple[float, int, int] | None = None
         super().__init__(stack, name="sixstrut_bench", events=True)
-        self.node.create_subscription(JointState, "twin/joint_states", self._on_tick, qos.STREAM, raw=True)
+        TWIN_JOINT_STATES.subscribe(self.node, self._on_tick, qos.STREAM, raw=True)
 
     def __enter__(self) -> Self:
         return self
