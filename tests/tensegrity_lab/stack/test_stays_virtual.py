@@ -74,7 +74,7 @@ class Lab:
         default = (files("hardware_bridge") / "data" / "calibration_default.yaml").read_text(encoding="utf-8")
         own.write_text(default.replace("stroke_mm: [-50, 50]", "stroke_mm: [-49, 49]"), encoding="utf-8")  # as if measured
         self._robot = IsolatedStack(folder / "robot", domain)
-        self._robot.start("hardware_bridge", port=self.board.port, calibration=own).says("a real port")
+        self._robot.node("hardware_bridge", port=self.board.port, calibration=own).says("a real port")
         self._operator = StackClient(domain=domain, events=True)
         wait_until(lambda: self.bridge is not None and self.bridge.link_ok, 30.0, "the real robot's bridge")
         self.beside = IsolatedStack(folder, domain)

@@ -97,7 +97,7 @@ def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):
     wait_until(lambda: robot.bridge.state == BridgeState.HOLD, LEASE_S - 1.0, "HOLD before the lease falls silent")
     assert robot.bridge.reason == "cancelled by its commander"
     assert planner.ends() == 0
-    stack.start("gait_planner", settle_timeout_s=200.0).says("library robust")
+    stack.node("gait_planner", settle_timeout_s=200.0).says("library robust")
     wait_until(lambda: not robot.bridge.lease_holder, 20.0, "the end of a lease that nobody gave back")
 
 
@@ -110,7 +110,7 @@ def test_a_roll_of_a_bridge_that_died_ends_with_the_reason(stack, robot):
     answer = robot.end(handle)
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert "the hardware bridge is silent" in answer.result.reason
-    again = stack.start("hardware_bridge")
+    again = stack.node("hardware_bridge")
     again.says("DISARMED, nothing moves")
     again.says("messages of a session that was cut short")
     wait_until(lambda: robot.bridge.state == BridgeState.DISARMED and robot.bridge.robot_time_ns > 0, 20.0, "the new bridge")

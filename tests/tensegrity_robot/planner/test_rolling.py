@@ -203,7 +203,7 @@ def test_a_twin_that_is_started_again_joins_where_the_robot_stands(stack, robot)
     (first,) = digests
     twin = next(process for process in stack._started if process.name == "twin")
     twin.kill()
-    stack.start("twin").says("the event stream begins")
+    stack.node("twin").says("the event stream begins")
     wait_until(lambda: any(seq > first for seq in digests), 30.0, "a twin that joined late")
     late = digests[max(digests)]
     assert late.detail.startswith(f"began on {robot.observed.face}")

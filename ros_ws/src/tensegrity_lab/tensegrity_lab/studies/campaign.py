@@ -148,7 +148,7 @@ def page_of(asked: Asked, campaign: Campaign, images: Path | None) -> str:
             f"processes of their own. **{agree} of {len(campaign.pairs)} agree.** They need not all: the stack streams its motions",
             "in steps, and its robot goes on from where it stands, with small displacements that the batch solver's does not have.",
             "",
-            *table_of(campaign.pairs),
+            table_of(campaign.pairs),
         ]
     else:
         lines.append("None was asked for (`--sample`).")

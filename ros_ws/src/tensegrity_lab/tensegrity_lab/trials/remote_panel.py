@@ -95,7 +95,7 @@ class Remote:
         if not meant and not self._warned:
             self._warned = True
             self._node.get_logger().warning(
-                f"a key on {self._key_topic} answers no panel of this session: ignored, as all such are; is a bag being played beside it?"
+                f"a key on {self._key_topic} answers no panel of this session: ignored, as all such are; is a bag played beside it?"
             )
 
     def show(self, shown: Shown | None) -> None:
