@@ -17,7 +17,7 @@ from sim_core.structure.topology import NEIGHBOURS
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
 from tensegrity_lab.errors import StackError
-from tensegrity_lab.failures.rig import Lab, Setup
+from tensegrity_lab.failures.rig import Rig, Setup
 from tensegrity_lab.failures.scenario import shape_of
 from tensegrity_lab.stack.processes import wait_until
 
@@ -58,7 +58,7 @@ def cost(pid: int) -> dict[str, float]:
     }
 
 
-def recovered(lab: Lab) -> bool:
+def recovered(lab: Rig) -> bool:
     """No fault, no lease, then armed; whether that went well."""
     operator = lab.operator
     lab.fault("clear")
@@ -72,7 +72,7 @@ def recovered(lab: Lab) -> bool:
     return True
 
 
-def one_roll(lab: Lab, rng: random.Random, outcomes: Counter[str]) -> None:
+def one_roll(lab: Rig, rng: random.Random, outcomes: Counter[str]) -> None:
     """A roll, in one of three cases with a fault meanwhile; counts how it ended."""
     operator = lab.operator
     armed = operator.bridge.state == BridgeState.ARMED and bool(operator.bridge.lease_holder)

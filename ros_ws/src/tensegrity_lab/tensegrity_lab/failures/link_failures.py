@@ -12,7 +12,7 @@ import serial
 
 from hardware_bridge.prototype_client.fault_client import FROM_BOARD, TO_BOARD
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.failures.rig import MID, ROLLING, STRUTS, Lab, stretched
+from tensegrity_lab.failures.rig import MID, ROLLING, STRUTS, Rig, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.stack.processes import Process, wait_until
 
@@ -28,7 +28,7 @@ def last_line(process: Process, code: int, limit_s: float = START_LIMIT_S) -> st
     return lines[0]
 
 
-def bad_port(lab: Lab) -> Evidence:
+def bad_port(lab: Rig) -> Evidence:
     """Row 1."""
     evidence = Evidence()
     near, far = os.openpty()
@@ -46,7 +46,7 @@ def bad_port(lab: Lab) -> Evidence:
     return evidence
 
 
-def lost_in_mid_gait(lab: Lab) -> Evidence:
+def lost_in_mid_gait(lab: Rig) -> Evidence:
     """Row 2."""
     evidence = Evidence()
     operator = lab.use(ROLLING)
@@ -73,7 +73,7 @@ def lost_in_mid_gait(lab: Lab) -> Evidence:
     return evidence
 
 
-def cut_and_blocked(lab: Lab) -> Evidence:
+def cut_and_blocked(lab: Rig) -> Evidence:
     """Row 4."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -97,7 +97,7 @@ def cut_and_blocked(lab: Lab) -> Evidence:
     return evidence
 
 
-def garbled_answers(lab: Lab) -> Evidence:
+def garbled_answers(lab: Rig) -> Evidence:
     """Row 5."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -128,7 +128,7 @@ def garbled_answers(lab: Lab) -> Evidence:
     return evidence
 
 
-def slow_link(lab: Lab) -> Evidence:
+def slow_link(lab: Rig) -> Evidence:
     """Row 16."""
     evidence = Evidence()
     operator = lab.use(STRUTS)

@@ -48,7 +48,7 @@ ROLLING = Setup(prototype=("--seed", "3"), rolling=True)
 
 
 @dataclass
-class Lab:
+class Rig:
     """One stack at a time; a scenario that leaves it as it found it lets the next one go on with it.
 
     Attributes:

@@ -18,7 +18,7 @@ from hardware_bridge.calibration.pulse_map import load_calibration
 from sim_core.names import STRUT_NAMES
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.rig import MID, STRUTS, Lab
+from tensegrity_lab.failures.rig import MID, STRUTS, Rig
 from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.stack.processes import wait_until
 
@@ -50,7 +50,7 @@ def board(answers: bool) -> Iterator[str]:
         os.close(near)
 
 
-def calibration_of(lab: Lab, robot: str, stroke_mm: float) -> Path:
+def calibration_of(lab: Rig, robot: str, stroke_mm: float) -> Path:
     """A calibration of a robot: the virtual prototype's numbers, but for its name and how far its struts go."""
     known = load_calibration()
     struts = [replace(strut, stroke_mm=(-stroke_mm, stroke_mm)) for strut in known.struts]
@@ -59,7 +59,7 @@ def calibration_of(lab: Lab, robot: str, stroke_mm: float) -> Path:
     return path
 
 
-def silent_board(lab: Lab) -> Evidence:
+def silent_board(lab: Rig) -> Evidence:
     """Row 22."""
     evidence = Evidence()
     lab.use(STRUTS)
@@ -69,7 +69,7 @@ def silent_board(lab: Lab) -> Evidence:
     return evidence
 
 
-def another_robot(lab: Lab) -> Evidence:
+def another_robot(lab: Rig) -> Evidence:
     """Row 23."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -83,7 +83,7 @@ def another_robot(lab: Lab) -> Evidence:
     return evidence
 
 
-def damaged_journal(lab: Lab) -> Evidence:
+def damaged_journal(lab: Rig) -> Evidence:
     """Row 24."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -108,7 +108,7 @@ def damaged_journal(lab: Lab) -> Evidence:
 
 
 @contextmanager
-def bridge_at(lab: Lab, port: str, calibration: Path) -> Iterator[None]:
+def bridge_at(lab: Rig, port: str, calibration: Path) -> Iterator[None]:
     """A bridge at a port of its own, in place of the lab's, while the block lasts."""
     operator = lab.operator
     operator.bridge = None

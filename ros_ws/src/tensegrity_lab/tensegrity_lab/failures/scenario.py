@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tensegrity_lab.failures.rig import Lab
+    from tensegrity_lab.failures.rig import Rig
 
 
 @dataclass
@@ -49,7 +49,7 @@ class Scenario:
     failure: str
     happens: str
     remedy: str
-    run: Callable[[Lab], Evidence]
+    run: Callable[[Rig], Evidence]
 
 
 def expect(condition: object, what: str) -> None:

@@ -22,7 +22,7 @@ from rclpy.signals import SignalHandlerOptions
 from sim_core.structure.topology import NEIGHBOURS
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.rig import ROLLING, STRUTS, Lab, stretched
+from tensegrity_lab.failures.rig import ROLLING, STRUTS, Rig, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.stack.processes import Process, wait_until
 from tensegrity_robot.ros import qos
@@ -46,7 +46,7 @@ FLOODS: dict[str, tuple[str, ...]] = {
 
 
 @contextmanager
-def flood(lab: Lab, *words: str) -> Iterator[Process]:
+def flood(lab: Rig, *words: str) -> Iterator[Process]:
     """Somebody says too much while the block lasts."""
     process = lab.processes.start("flood", [sys.executable, "-m", "tensegrity_lab.failures.flood", *words])
     try:
@@ -57,7 +57,7 @@ def flood(lab: Lab, *words: str) -> Iterator[Process]:
 
 
 @contextmanager
-def frozen(lab: Lab) -> Iterator[None]:
+def frozen(lab: Rig) -> Iterator[None]:
     """The bridge's node stands still, as it would while it reads something endless."""
     pid = lab.node("hardware_bridge").pid
     os.kill(pid, signal.SIGSTOP)
@@ -67,7 +67,7 @@ def frozen(lab: Lab) -> Iterator[None]:
         os.kill(pid, signal.SIGCONT)
 
 
-def stop_in_mid_motion(lab: Lab, load: Callable[[], Any]) -> tuple[float, int]:
+def stop_in_mid_motion(lab: Rig, load: Callable[[], Any]) -> tuple[float, int]:
     """Stops a motion under a load: time from the call to the last bytes in ms, and frames sent after the call."""
     operator = lab.operator
     lease = lab.arm()
@@ -84,7 +84,7 @@ def stop_in_mid_motion(lab: Lab, load: Callable[[], Any]) -> tuple[float, int]:
     return max((stamp - called_ns for stamp in after), default=0) * 1e-6, len(after)
 
 
-def stop_under_load(lab: Lab) -> Evidence:
+def stop_under_load(lab: Rig) -> Evidence:
     """Row 19."""
     evidence = Evidence()
     lab.use(REAL_TIME, duty_fraction=1.0)
@@ -138,7 +138,7 @@ def player(domain: int, face: str, age_s: float) -> Iterator[None]:
         rclpy.shutdown(context=context)
 
 
-def recording_played(lab: Lab) -> Evidence:
+def recording_played(lab: Rig) -> Evidence:
     """Row 20."""
     evidence = Evidence()
     operator = lab.use(ROLLING)
@@ -156,7 +156,7 @@ def recording_played(lab: Lab) -> Evidence:
     return evidence
 
 
-def second_bridge(lab: Lab) -> Evidence:
+def second_bridge(lab: Rig) -> Evidence:
     """Row 21."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -176,7 +176,7 @@ def second_bridge(lab: Lab) -> Evidence:
     return evidence
 
 
-def _armed(lab: Lab) -> bool:
+def _armed(lab: Rig) -> bool:
     """Tries to arm the bridge itself; whether it is."""
     operator = lab.operator
     answer = operator.call("bridge/arm", Arm.Request(holder="operator", lifted_and_clear=True))

@@ -12,7 +12,6 @@ import json
 import os
 import secrets
 import threading
-from contextlib import suppress
 from dataclasses import asdict
 from types import TracebackType
 from typing import Any
@@ -53,11 +52,11 @@ class Remote:
     def __init__(self) -> None:
         import rclpy
         from rclpy.context import Context
-        from rclpy.executors import SingleThreadedExecutor
         from rclpy.node import Node
         from rclpy.signals import SignalHandlerOptions
         from std_msgs.msg import String
 
+        from tensegrity_lab.stack.ros_thread import Spinner
         from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
         from tensegrity_robot.ros.topics import TRIAL_KEY, TRIAL_PANEL
 
@@ -73,16 +72,7 @@ class Remote:
         self._node = Node("sixstrut_trial", context=self._context)
         self._panel = TRIAL_PANEL.publisher(self._node)
         TRIAL_KEY.subscribe(self._node, self._on_key)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, name="remote", daemon=True)
-        self._thread.start()
-
-    def _spin(self) -> None:
-        from rclpy.executors import ExternalShutdownException
-
-        with suppress(ExternalShutdownException):
-            self._executor.spin()
+        self._spinner = Spinner(self._node, self._context)
 
     def _on_key(self, message: Any) -> None:
         key, panel = key_of(str(message.data))
@@ -118,9 +108,7 @@ class Remote:
 
         self.show(None)
         self._panel.wait_for_all_acked(Duration(seconds=1.0))
-        self._executor.shutdown()
-        self._thread.join(5.0)
-        self._node.destroy_node()
+        self._spinner.close()
         rclpy.try_shutdown(context=self._context)
         os.close(self._keys_to)
         os.close(self.keys_from)

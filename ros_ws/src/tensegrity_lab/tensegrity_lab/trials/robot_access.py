@@ -67,7 +67,7 @@ class Rolled(NamedTuple):
     faults: str
 
 
-class Lab:
+class RobotAccess:
     """The stack, and a client of it. Nothing is started before `start`."""
 
     def __init__(self, session: SessionFolder, hardware: Hardware, *locks: int):
