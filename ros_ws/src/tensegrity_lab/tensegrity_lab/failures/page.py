@@ -1,17 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/failures.md: written from what the scenarios saw, and read back by the tests."""
+"""docs/failures.md, written from what the scenarios saw."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import NamedTuple
 
 from tensegrity_lab.failures.runner import Outcome
 from tensegrity_lab.reports.markdown import table
-
-DOCS_PAGE = Path("docs/failures.md")
 
 _HEAD = """# Failures
 
@@ -19,17 +15,6 @@ What can go wrong, what the stack does about it, what you see, and what to do. E
 and a virtual prototype behind a real pseudo-terminal; this page is written by `./sixstrut faults --page docs/failures.md` from what
 was seen, and a test holds it to the scenarios. Names of folders are left out. No real board, Bluetooth module or robot was there.
 """
-
-_CELL = re.compile(r"(?<!\\)\|")
-
-
-class PageRow(NamedTuple):
-    """A row of the page; `told` are the texts that an operator sees."""
-
-    failure: str
-    happens: str
-    told: tuple[str, ...]
-    remedy: str
 
 
 def as_markdown(outcomes: Sequence[Outcome]) -> str:
@@ -48,17 +33,6 @@ def as_markdown(outcomes: Sequence[Outcome]) -> str:
             lines += ["", f"## {number}. {outcome.scenario.failure}: by board", "", _by_board(evidence.rows)]
     lines += ["", "## What was measured meanwhile", "", table(("#", "what", "value"), figures, "lll")]
     return "\n".join(lines) + "\n"
-
-
-def page_rows(text: str) -> dict[int, PageRow]:
-    """The rows of a page, by number."""
-    rows: dict[int, PageRow] = {}
-    for line in text.splitlines():
-        cells = [cell.strip().replace("\\|", "|") for cell in _CELL.split(line)[1:-1]]
-        if len(cells) == 5 and cells[0].isdigit():
-            told = tuple(part.strip("`") for part in cells[3].split("<br>"))
-            rows[int(cells[0])] = PageRow(cells[1], cells[2], told, cells[4])
-    return rows
 
 
 def without_folders(text: str) -> str:
