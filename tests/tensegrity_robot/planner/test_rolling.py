@@ -127,7 +127,7 @@ def test_a_command_without_the_lease_is_refused(robot):
     began = robot.now_ns()
     guessed = robot.move((1.0, [0.240] * 6), lease="0123456789abcdef")
     assert not guessed.success
-    assert guessed.reason == "this lease is refused: test holds another one"
+    assert guessed.reason == "this lease is refused: operator holds another one"
     assert not robot.wrote_since(began)
 
 

@@ -18,6 +18,7 @@ from geometry_msgs.msg import PoseArray
 from rclpy.action import ActionClient
 from rclpy.context import Context
 from rclpy.node import Node
+from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
@@ -47,6 +48,8 @@ JUDGING_LIMIT_S = 60.0
 STOP_AGAIN_S, RESET_AGAIN_S = 0.5, 3.0
 LATE_LIMIT_S = 5.0
 MOST_SENDS = 5
+EVENTS = QoSProfile(depth=1000)
+"""A client that a busy computer slows down hears late, but not ever later."""
 SERVICES = {
     "arm": Arm,
     "disarm": Disarm,
@@ -114,13 +117,12 @@ class StackClient:
         topics.REHEARSAL.subscribe(node, keep("rehearsal"))
         self._events = events
         if events:
-            topics.STRUTS_SENT.subscribe(node, self._on_sent)
+            topics.STRUTS_SENT.subscribe(node, self._on_sent, EVENTS)
             topics.DIAGNOSTICS.subscribe(node, self._on_diagnostics)
         self._proof = topics.LEASE.publisher(node)
         node.create_timer(0.2, self._prove)
         self._clients = {service: node.create_client(kind, service) for service, kind in SERVICES.items()}
         self._roll = ActionClient(node, Roll, "roll")
-        self._travel = ActionClient(node, Travel, "travel")
         self._struts = ActionClient(node, ExecuteStruts, "execute_struts")
         self._spinner = Spinner(node, self._context)
 
@@ -368,7 +370,7 @@ class StackClient:
         goal = Travel.Goal(reach_m=reach_m, most_rolls=most_rolls)
         goal.goal.header.frame_id = "odom"
         goal.goal.pose.position.x, goal.goal.pose.position.y = place_m
-        return self._whole(self._send(self._travel, goal, "travel", tell), "travel", limit_s)
+        return self._whole(self._send(ActionClient(self.node, Travel, "travel"), goal, "travel", tell), "travel", limit_s)
 
     def _whole(self, handle: Any, name: str, limit_s: float, watch: Callable[[], None] = lambda: None) -> Any:
         if not handle.accepted:
