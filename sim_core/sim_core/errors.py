@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import reprlib
 
+from sim_core.printable import printable
+
 
 class SimError(Exception):
     """Base of every error raised by sim_core."""
@@ -15,13 +17,7 @@ _SHORT = reprlib.Repr(maxlevel=2, maxdict=4, maxlist=6, maxtuple=6, maxstring=60
 
 def brief(value: object) -> str:
     """A value for an error text, however large it is and whatever is in it."""
-    return one_line(_SHORT.repr(value))
-
-
-def one_line(text: str, most: int = 80) -> str:
-    """Text for an error text: one short line without control characters."""
-    shown = "".join(character if character.isprintable() else "?" for character in " ".join(text[: 4 * most].split()))
-    return shown if len(shown) <= most else shown[: most - 1] + "…"
+    return printable(_SHORT.repr(value), 80)
 
 
 class FileError(SimError):
@@ -30,7 +26,7 @@ class FileError(SimError):
     kind = "cannot be used"
 
     def __init__(self, where: str, problem: str, remedy: str, line: int | None = None):
-        self.where, self.problem, self.remedy, self.line = where, one_line(problem, 160), remedy, line
+        self.where, self.problem, self.remedy, self.line = where, printable(problem, 160), remedy, line
         at = "" if line is None else f" at line {line}"
         super().__init__(f"{where} {self.kind}{at}: {self.problem}; {remedy}")
 

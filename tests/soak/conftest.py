@@ -34,10 +34,10 @@ def lab():
     """A stack of this module's own, in a ROS domain of its own."""
     from pathlib import Path
 
-    from tensegrity_lab.failures.rig import Lab, scratch
+    from tensegrity_lab.failures.rig import Rig, scratch
     from tensegrity_lab.stack.ros_domain import free_domain
 
     with free_domain() as domain, scratch() as folder:
-        lab = Lab(Path(folder), domain)
+        lab = Rig(Path(folder), domain)
         yield lab
         lab.close()

@@ -16,9 +16,10 @@ from hardware_bridge.recording.bag_reader import read_session
 from sim_core.structure.topology import NEIGHBOURS
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
-from tensegrity_lab.failures.processes import wait_until
-from tensegrity_lab.failures.rig import Lab, Setup
-from tensegrity_lab.failures.scenario import shape_of
+from tensegrity_lab.errors import StackError
+from tensegrity_lab.failures.rig import Rig, Setup
+from tensegrity_lab.stack.processes import wait_until
+from tests.tensegrity_lab.failures.documented import shape_of
 
 pytestmark = [pytest.mark.soak, pytest.mark.ros, pytest.mark.timeout(3600)]
 
@@ -57,7 +58,7 @@ def cost(pid: int) -> dict[str, float]:
     }
 
 
-def recovered(lab: Lab) -> bool:
+def recovered(lab: Rig) -> bool:
     """No fault, no lease, then armed; whether that went well."""
     operator = lab.operator
     lab.fault("clear")
@@ -66,20 +67,20 @@ def recovered(lab: Lab) -> bool:
         return False
     try:
         operator.arm()
-    except AssertionError:
+    except StackError:
         return False
     return True
 
 
-def one_roll(lab: Lab, rng: random.Random, outcomes: Counter[str]) -> None:
+def one_roll(lab: Rig, rng: random.Random, outcomes: Counter[str]) -> None:
     """A roll, in one of three cases with a fault meanwhile; counts how it ended."""
     operator = lab.operator
     armed = operator.bridge.state == BridgeState.ARMED and bool(operator.bridge.lease_holder)
     if not armed and not recovered(lab):
         outcomes["not armed this time"] += 1
         return
-    wait_until(lambda: operator.face.settled or operator.bridge.state == BridgeState.FAULT, 60.0, "rest")
-    face = operator.face.face or "TC6"
+    wait_until(lambda: operator.observed.settled or operator.bridge.state == BridgeState.FAULT, 60.0, "rest")
+    face = operator.observed.face or "TC6"
     outcomes["asked"] += 1
     goal = operator.begin_roll(rng.choice(NEIGHBOURS[face]))
     assert goal.accepted

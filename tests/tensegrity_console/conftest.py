@@ -7,13 +7,14 @@ import os
 import re
 import shutil
 import sys
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from tensegrity_lab.failures.processes import Process, wait_until
+from tensegrity_lab.stack.processes import Process, wait_until
 from tests.tensegrity_robot.conftest import compiled, domain, module_processes, operator, processes
 
 __all__ = ["compiled", "domain", "module_processes", "operator", "processes", "until"]
@@ -51,8 +52,8 @@ class Standing:
 
     def start(self) -> None:
         """Also again, at the same port."""
-        program = [sys.executable, str(STANDING), str(self.port), TOKEN]
-        self.process = Process("standing", folder=self._folder, environ={}, program=program)
+        log = self._folder / f"standing-{time.monotonic_ns()}.log"
+        self.process = Process("standing", [sys.executable, str(STANDING), str(self.port), TOKEN], log)
         self.process.says("console: http://127.0.0.1:", limit_s=60.0)
         found = re.search(r"console: (http://127\.0\.0\.1:(\d+)/\S*)", self.process.output)
         assert found is not None

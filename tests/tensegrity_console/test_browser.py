@@ -12,8 +12,9 @@ from pathlib import Path
 import pytest
 
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.failures.operator import LATCHED
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.errors import StackError
+from tensegrity_lab.stack.processes import wait_until
+from tensegrity_robot.ros import qos
 from tests.tensegrity_console.conftest import TOKEN, until
 
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(500)]
@@ -64,7 +65,7 @@ class Stage:
         holds = f"document.querySelector({json.dumps(selector)}).textContent.includes({json.dumps(words)})"
         try:
             until(self.page, holds, words, LIMIT_MS / 1000)
-        except AssertionError as error:
+        except StackError as error:
             self.picture("failed.png")
             seen = self.page.inner_text("body")
             raise AssertionError(f"{selector} did not show {words!r}: {seen}\n{self.console.output}") from error
@@ -83,16 +84,16 @@ class Stage:
 
 @pytest.fixture(scope="module")
 def stage(module_processes, chromium, domain):
-    from tensegrity_lab.failures.operator import Operator
+    from tensegrity_lab.stack.client import StackClient
 
-    prototype = module_processes.start("virtual_prototype", "--time-scale", "4", "--perturbation", "0", "--actuators", "ideal")
-    module_processes.start("twin")
-    module_processes.start("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
-    module_processes.start("traveller")
-    module_processes.start("hardware_bridge")
+    prototype = module_processes.node("virtual_prototype", "--time-scale", "4", "--perturbation", "0", "--actuators", "ideal")
+    module_processes.node("twin")
+    module_processes.node("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
+    module_processes.node("traveller")
+    module_processes.node("hardware_bridge")
     prototype.says("ready")
-    operator = Operator(domain)
-    operator.meets_stack()
+    operator = StackClient(domain=domain, events=True)
+    operator.wait_for_stack()
     stage = Stage(module_processes, operator, chromium)
     yield stage
     stage.page.close()
@@ -186,7 +187,7 @@ def test_space_that_is_held_stops_once_and_presses_no_button(stage):
 def test_what_nobody_should_send_does_not_end_the_stop_button(stage):
     from std_msgs.msg import String
 
-    publisher = stage.operator.node.create_publisher(String, "trial/panel", LATCHED)
+    publisher = stage.operator.node.create_publisher(String, "trial/panel", qos.LATCHED)
     wait_until(lambda: publisher.get_subscription_count() > 0, 10.0, "the console")
     publisher.publish(String(data="{"))
     wait_until(lambda: "JSONDecodeError" in stage.console.output, 10.0, "the console's word of what it heard")

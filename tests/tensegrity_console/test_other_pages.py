@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 import psutil
 import pytest
 
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.processes import wait_until
 from tests.tensegrity_console.conftest import TOKEN, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.ros]

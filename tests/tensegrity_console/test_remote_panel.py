@@ -28,13 +28,12 @@ def told(remote, operator):
     """What the session publishes, and a publisher of keys."""
     from std_msgs.msg import String
 
-    from tensegrity_lab.failures.operator import LATCHED
-    from tensegrity_lab.failures.processes import wait_until
-    from tensegrity_lab.trials.remote_panel import KEY_TOPIC, PANEL_TOPIC
+    from tensegrity_lab.stack.processes import wait_until
+    from tensegrity_robot.ros.topics import TRIAL_KEY, TRIAL_PANEL
 
     panels = []
-    operator.node.create_subscription(String, PANEL_TOPIC, lambda m: panels.append(json.loads(m.data or "{}")), LATCHED)
-    publisher = operator.node.create_publisher(String, KEY_TOPIC, 100)
+    TRIAL_PANEL.subscribe(operator.node, lambda m: panels.append(json.loads(m.data or "{}")))
+    publisher = TRIAL_KEY.publisher(operator.node)
     wait_until(lambda: publisher.get_subscription_count() > 0, 10.0, "the session's node")
 
     def shown(**changes):
@@ -46,7 +45,7 @@ def told(remote, operator):
 
 
 def test_keys_come_from_either_side(remote, told):
-    from tensegrity_lab.failures.processes import wait_until
+    from tensegrity_lab.stack.processes import wait_until
 
     panels, shown, press = told
     ours, theirs = os.pipe()
@@ -87,15 +86,14 @@ def test_a_key_answers_one_panel_once(remote, told, capfd):
 
 
 def test_the_panel_is_shown_elsewhere_and_gone_with_the_session(domain, operator, monkeypatch):
-    from std_msgs.msg import String
 
-    from tensegrity_lab.failures.operator import LATCHED
-    from tensegrity_lab.failures.processes import wait_until
-    from tensegrity_lab.trials.remote_panel import PANEL_TOPIC, Mirrored, Remote
+    from tensegrity_lab.stack.processes import wait_until
+    from tensegrity_lab.trials.remote_panel import Mirrored, Remote
+    from tensegrity_robot.ros.topics import TRIAL_PANEL
 
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     told = []
-    operator.node.create_subscription(String, PANEL_TOPIC, lambda m: told.append(m.data), LATCHED)
+    TRIAL_PANEL.subscribe(operator.node, lambda m: told.append(m.data))
     remote = Remote()
     panel = Mirrored(Lines("virtual trials"), remote)
     with panel:

@@ -31,7 +31,7 @@ def test_what_anybody_may_publish_neither_blinds_nor_fools_a_page(ros_side, oper
     from std_msgs.msg import String
 
     from tensegrity_interfaces.msg import BridgeState
-    from tensegrity_lab.failures.processes import wait_until
+    from tensegrity_lab.stack.processes import wait_until
     from tensegrity_robot.ros import qos
 
     def publisher(kind, topic, profile):

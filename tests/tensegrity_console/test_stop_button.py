@@ -7,7 +7,7 @@ import signal
 
 import pytest
 
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.processes import wait_until
 from tests.tensegrity_console.conftest import until
 
 pytestmark = pytest.mark.slow

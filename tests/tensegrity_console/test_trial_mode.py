@@ -5,8 +5,8 @@ import re
 
 import pytest
 
-from tensegrity_lab.failures.processes import Processes
 from tensegrity_lab.session_data.ledger import Ledger
+from tensegrity_lab.stack.processes import IsolatedStack
 from tests.tensegrity_lab.terminal import Terminal
 from tests.tensegrity_lab.trials.test_trial import PLAN
 
@@ -23,7 +23,7 @@ def test_a_person_judges_in_the_browser(tmp_path, compiled, chromium):
     try:
         person.says("./sixstrut console", limit_s=150)
         own = int(re.search(r"ROS_DOMAIN_ID=(\d+) ./sixstrut console", person.text)[1])
-        processes = Processes(tmp_path, own)
+        processes = IsolatedStack(tmp_path, own)
         person.says("Lift the robot, keep hands clear", limit_s=150)
         console = processes.command("console", "--port", "0")
         console.says("console: http://127.0.0.1:", limit_s=60.0)

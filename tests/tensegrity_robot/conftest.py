@@ -31,9 +31,9 @@ def compiled() -> None:
 @pytest.fixture(scope="module")
 def module_processes(tmp_path_factory: pytest.TempPathFactory, domain: int, compiled: None):
     """Processes that live as long as the module's tests."""
-    from tensegrity_lab.failures.processes import Processes
+    from tensegrity_lab.stack.processes import IsolatedStack
 
-    processes = Processes(tmp_path_factory.mktemp("stack"), domain)
+    processes = IsolatedStack(tmp_path_factory.mktemp("stack"), domain)
     yield processes
     processes.kill()
 
@@ -41,9 +41,9 @@ def module_processes(tmp_path_factory: pytest.TempPathFactory, domain: int, comp
 @pytest.fixture
 def processes(tmp_path: Path, domain: int, compiled: None):
     """Processes of one test."""
-    from tensegrity_lab.failures.processes import Processes
+    from tensegrity_lab.stack.processes import IsolatedStack
 
-    processes = Processes(tmp_path, domain)
+    processes = IsolatedStack(tmp_path, domain)
     yield processes
     processes.kill()
 
@@ -51,8 +51,8 @@ def processes(tmp_path: Path, domain: int, compiled: None):
 @pytest.fixture
 def operator(domain: int):
     """An operator of one test."""
-    from tensegrity_lab.failures.operator import Operator
+    from tensegrity_lab.stack.client import StackClient
 
-    operator = Operator(domain)
+    operator = StackClient(domain=domain, events=True)
     yield operator
     operator.close()

@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from hardware_bridge.boards.board import Health, Query, Quirks, check_channels, check_pulses, check_range
+from hardware_bridge.boards.board import Health, Query, Quirks, check_pulses, check_range
 
 HEADER = b"\x55\x55"
 CMD_MOVE = 0x03
@@ -87,12 +87,6 @@ def decode_move(frame: Frame) -> Move | None:
     if not all(QUIRKS.pulse_us[0] <= pulse_us <= QUIRKS.pulse_us[1] for pulse_us in pulses_us):
         return None
     return Move(channels, pulses_us, prm[1] | prm[2] << 8)
-
-
-def encode_unload(channels: Sequence[int]) -> bytes:
-    """Takes the power off servos: they let go, and their next move ignores its duration again."""
-    check_channels(channels, QUIRKS)
-    return encode_frame(CMD_UNLOAD, bytes((len(channels), *channels)))
 
 
 def decode_unload(frame: Frame) -> tuple[int, ...] | None:

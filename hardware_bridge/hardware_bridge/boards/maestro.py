@@ -88,13 +88,6 @@ def decode_errors(word: int) -> tuple[str, ...]:
     return tuple(name for bit, name in enumerate(ERRORS) if word >> bit & 1)
 
 
-def mini_ssc(address: int, target: int) -> bytes:
-    """A Mini-SSC command: target 0 to 254 over the channel's own range, 127 in the middle; never with a CRC. Raises CodecError."""
-    check_range("address", address, (0, 254))
-    check_range("target", target, (0, 254))
-    return bytes((MINI_SSC, address, target))
-
-
 def speed_units(distance_us: float, duration_ms: int) -> int:
     """The highest speed, in units of 25 us/s and at least 1, that is no faster than needed to cover a distance in time."""
     return min(max(1, math.floor(abs(distance_us) / (duration_ms * 1e-3) / SPEED_UNIT_US_S + 1e-9)), _U14[1])
@@ -160,16 +153,6 @@ class Maestro:
     def set_speed(self, channel: int, units: int) -> bytes:
         """A speed in units of 25 us/s; 0 is full speed. Raises CodecError."""
         return self._set(SET_SPEED, channel, "speed", units)
-
-    def set_acceleration(self, channel: int, units: int) -> bytes:
-        """An acceleration; 0 is none. Raises CodecError."""
-        return self._set(SET_ACCELERATION, channel, "acceleration", units)
-
-    def set_multiple(self, first: int, pulses_us: Sequence[int]) -> bytes:
-        """Targets in [us] of neighbouring channels; not on the Micro Maestro, so moves do not use it. Raises CodecError."""
-        check_pulses(pulses_us, range(first, first + len(pulses_us)), self.quirks)
-        data = [part for pulse_us in pulses_us for part in _u14(pulse_us * PER_US)]
-        return self.packet(SET_MULTIPLE, len(pulses_us), first, *data)
 
     def ask_position(self, channel: int) -> bytes:
         """Answered by the commanded pulse, two bytes. Raises CodecError."""

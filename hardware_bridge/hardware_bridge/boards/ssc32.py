@@ -37,7 +37,6 @@ QUIRKS = Quirks(
     always_answers=True,
 )
 
-_SPEED_US_S = (1, 65535)
 _OFFSET_US = (-100, 100)
 
 
@@ -110,37 +109,6 @@ def encode_move(pulses_us: Sequence[int], channels: Sequence[int], duration_ms: 
     check_range("duration_ms", duration_ms, QUIRKS.duration_ms)
     body = "".join(f"#{channel}P{pulse}" for channel, pulse in zip(channels, pulses_us, strict=True))
     return f"{body}T{duration_ms}\r".encode("ascii")
-
-
-def encode_speed_move(pulse_us: int, channel: int, speed_us_s: int) -> bytes:
-    """A move of one servo at a speed. Raises CodecError."""
-    check_pulses([pulse_us], [channel], QUIRKS)
-    check_range("speed_us_s", speed_us_s, _SPEED_US_S)
-    return f"#{channel}P{pulse_us}S{speed_us_s}\r".encode("ascii")
-
-
-def encode_off(channel: int) -> bytes:
-    """The pulse off: the servo lets go, and its next move ignores its duration again. Raises CodecError."""
-    check_channels([channel], QUIRKS)
-    return f"#{channel}L\r".encode("ascii")
-
-
-def encode_offset(channel: int, offset_us: int) -> bytes:
-    """Shifts a channel's pulse. Raises CodecError."""
-    check_channels([channel], QUIRKS)
-    check_range("offset_us", offset_us, _OFFSET_US)
-    return f"#{channel}PO{offset_us}\r".encode("ascii")
-
-
-def encode_stop(channel: int) -> bytes:
-    """Stops one servo where it is. Raises CodecError."""
-    check_channels([channel], QUIRKS)
-    return f"STOP {channel}\r".encode("ascii")
-
-
-def encode_moving_query() -> bytes:
-    """Answered by `.` (done) or `+` (moving)."""
-    return b"Q\r"
 
 
 def encode_pulse_query(channels: Sequence[int]) -> bytes:

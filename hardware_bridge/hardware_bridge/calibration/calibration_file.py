@@ -9,10 +9,11 @@ import os
 from collections.abc import Mapping
 from pathlib import Path
 
-from hardware_bridge.calibration.pulse_map import STRUTS, Calibration, StrutCalibration, parse_calibration, parse_strut, robot_name
+from hardware_bridge.calibration.pulse_map import Calibration, StrutCalibration, parse_calibration, parse_strut, robot_name
 from hardware_bridge.errors import CalibrationError
 from sim_core.errors import YamlError
 from sim_core.files.yaml_reader import read_yaml
+from sim_core.names import STRUT_NAMES
 
 _HEAD = """\
 # Calibration of one robot, measured with `./sixstrut calibrate`. Another robot needs its own.
@@ -44,7 +45,7 @@ def write_calibration(
     Raises:
         CalibrationError: it would not be valid, or cannot be written; the old file stays.
     """
-    text = text_of(robot, mid_stroke_length_m, {name: struts[name] for name in STRUTS if name in struts})
+    text = text_of(robot, mid_stroke_length_m, {name: struts[name] for name in STRUT_NAMES if name in struts})
     calibration = parse_calibration(text, str(path))
     _replace(path, text)
     return calibration
@@ -87,7 +88,7 @@ class Unfinished:
         except (OSError, YamlError, AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
             raise CalibrationError(str(self.path), "cannot be understood; remove it to begin anew") from error
         self.robot = None if robot is None else robot_name(robot, str(self.path))
-        self.struts = {name: parse_strut(str(self.path), name, found[name]) for name in STRUTS if name in found}
+        self.struts = {name: parse_strut(str(self.path), name, found[name]) for name in STRUT_NAMES if name in found}
 
 
 def _replace(path: Path, text: str) -> None:

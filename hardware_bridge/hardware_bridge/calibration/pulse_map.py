@@ -11,12 +11,12 @@ from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
 
-from hardware_bridge.boards.registry import BOARDS
+from hardware_bridge.boards.names import BOARDS
 from hardware_bridge.errors import CalibrationError
 from sim_core.errors import YamlError, brief
 from sim_core.files.yaml_reader import parse_yaml, read_yaml
+from sim_core.names import STRUT_NAMES
 
-STRUTS = ("S1", "S2", "S3", "S4", "S5", "S6")
 LONGEST_NAME = 40
 """Characters of a robot's name."""
 
@@ -163,15 +163,15 @@ def _calibration_of(data: object, source: str) -> Calibration:
     struts = data["struts"]
     if not isinstance(struts, Mapping):
         raise CalibrationError(source, "struts is no table, valid is one entry for each of S1 to S6")
-    for name in STRUTS:
+    for name in STRUT_NAMES:
         if name not in struts:
             raise CalibrationError(source, "is missing; every one of S1 to S6 needs an entry", strut=name)
     for name in struts:
-        if name not in STRUTS:
+        if name not in STRUT_NAMES:
             raise CalibrationError(source, "is no strut, valid are S1 to S6", strut=str(name))
-    parsed = tuple(parse_strut(source, name, struts[name]) for name in STRUTS)
+    parsed = tuple(parse_strut(source, name, struts[name]) for name in STRUT_NAMES)
     holders: dict[int, str] = {}
-    for name, strut in zip(STRUTS, parsed, strict=True):
+    for name, strut in zip(STRUT_NAMES, parsed, strict=True):
         if strut.channel in holders:
             problem = f"channel {strut.channel} already belongs to {holders[strut.channel]}; give each strut its own"
             raise CalibrationError(source, problem, strut=name)

@@ -15,7 +15,6 @@ from pathlib import Path
 from hardware_bridge.boards.board import Board
 from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.boards.maestro import timeout_s
-from hardware_bridge.calibration.pulse_map import STRUTS
 from hardware_bridge.driver.engine import Engine
 from hardware_bridge.driver.events import FACES, SOURCES, Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.driver.frame_timer import Streamer
@@ -35,7 +34,8 @@ from hardware_bridge.safety.trajectory import Trajectory
 from hardware_bridge.saved_state.robot_identity import identity_of
 from hardware_bridge.saved_state.robot_records import Records
 from hardware_bridge.saved_state.state_file import state_directory
-from sim_core.files.printable import NAME_MOST, printable
+from sim_core.names import STRUT_NAMES
+from sim_core.printable import NAME_MOST, printable
 
 _log = logging.getLogger(__name__)
 
@@ -398,4 +398,4 @@ class Bridge:
 
 def _arming(holder: str, clear: bool, token: str, confirmed_m: Sequence[float | None] | None) -> Arm:
     given = () if confirmed_m is None else tuple(confirmed_m)
-    return Arm(printable(holder, NAME_MOST) or "somebody", clear, token, given or (None,) * len(STRUTS))
+    return Arm(printable(holder, NAME_MOST) or "somebody", clear, token, given or (None,) * len(STRUT_NAMES))

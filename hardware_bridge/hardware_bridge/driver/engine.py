@@ -18,7 +18,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hardware_bridge.boards.board import Board
-from hardware_bridge.calibration.pulse_map import STRUTS
 from hardware_bridge.driver.events import Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.driver.motion_handle import MotionHandle, MotionResult, Progress
 from hardware_bridge.driver.robot_clock import RobotClock
@@ -47,6 +46,7 @@ from hardware_bridge.safety.supervisor_messages import (
 )
 from hardware_bridge.safety.supervisor_messages import LinkLost as LinkLostEvent
 from hardware_bridge.saved_state.robot_records import Records
+from sim_core.names import STRUT_NAMES
 
 _log = logging.getLogger(__name__)
 _MOVING = (Kind.ENERGISE, Kind.HOME, Kind.MOVE)
@@ -207,8 +207,8 @@ class Engine:
     def forget_positions(self) -> None:
         """Nobody knows any more where the struts are: the next arm needs the operator's word for each."""
         self._track.forget()
-        nobody, why = (None,) * len(STRUTS), "the board may have moved or released the struts since they were sent"
-        energised = (False,) * len(STRUTS)
+        nobody, why = (None,) * len(STRUT_NAMES), "the board may have moved or released the struts since they were sent"
+        energised = (False,) * len(STRUT_NAMES)
         self.state = replace(self.state, pulses_us=nobody, energised=energised, last_frame=None, unknown_why=why)
         try:
             assert self._records is not None

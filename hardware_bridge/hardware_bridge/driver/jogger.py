@@ -12,13 +12,13 @@ from collections.abc import Callable
 import numpy as np
 
 from hardware_bridge.boards.board import Board
-from hardware_bridge.calibration.pulse_map import STRUTS
 from hardware_bridge.driver.robot_clock import RobotClock
 from hardware_bridge.errors import DutyError
 from hardware_bridge.link.board_link import first_answer, silence
 from hardware_bridge.link.transport import SerialTransport
 from hardware_bridge.safety.limits import Limits
 from hardware_bridge.saved_state.robot_records import Records
+from sim_core.names import STRUT_NAMES
 
 STEP_US = 10
 STEP_S = 0.1
@@ -96,9 +96,9 @@ class Jogger:
         limits, now_s = self._limits, self._now_s
         used_s = float(self._duty.used_s(now_s, limits)[strut])
         if used_s + run_s > limits.duty_s:
-            needs_s = np.eye(len(STRUTS))[strut] * run_s
+            needs_s = np.eye(len(STRUT_NAMES))[strut] * run_s
             wait_s = self._duty.wait_s(needs_s, now_s, limits)
-            raise DutyError(STRUTS[strut], used_s, run_s, limits.duty_s, limits.duty_window_s, wait_s)
+            raise DutyError(STRUT_NAMES[strut], used_s, run_s, limits.duty_s, limits.duty_window_s, wait_s)
 
     def pulse_us(self, channel: int) -> int | None:
         """Last pulse sent to a channel, in [us]; None where nobody knows."""
@@ -139,7 +139,7 @@ class Jogger:
         pulses = self._pulses_us | {channel: pulse_us}
         before = self._pulses_us.get(channel, pulse_us)
         self._records.pulses.save(list(pulses), list(pulses.values()))
-        moved = [index == strut for index in range(len(STRUTS))]
+        moved = [index == strut for index in range(len(STRUT_NAMES))]
         self._duty = self._duty.ran(moved, run_s, self._now_s, self._limits)
         self._records.duty.save(self._duty, self._now_s)
         self._transport.write_all(self._board.encode_move([pulse_us], [channel], round(STEP_S * 1e3), [before]))

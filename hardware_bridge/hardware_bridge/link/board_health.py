@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from hardware_bridge.boards.board import Health
-from hardware_bridge.calibration.pulse_map import STRUTS
+from sim_core.names import STRUT_NAMES
 
 
 @dataclass(frozen=True)
@@ -58,6 +58,6 @@ def judge(answer: Answer, holds: bool, error_moves: bool) -> Verdict:
     if not holds:
         return Verdict("", unknown)
     if silent:
-        names = ", ".join(STRUTS[index] for index in silent)
+        names = ", ".join(STRUT_NAMES[index] for index in silent)
         return Verdict(f"the board gives {names} no pulse any more (reset or brown-out)", unknown)
     return Verdict(f"the board reports {', '.join(errors)}" if errors else "", unknown)

@@ -52,11 +52,6 @@ class SerialTransport:
         self._opening: threading.Thread | None = None
 
     @property
-    def is_open(self) -> bool:
-        """Whether `open` succeeded and `close` has not been called."""
-        return self._serial is not None
-
-    @property
     def descriptor(self) -> int | None:
         """The open file, where the port is one."""
         return self._descriptor

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware_bridge.errors import ObserverError
-from sim_core.files.printable import printable
+from sim_core.printable import printable
 
 FAR_M = 1e4
 """No floor is larger."""

@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-import math
+import time
+from collections.abc import Callable
 
 MOST_BYTES = 1_000_000
 """Of one message: twin and travel say nothing longer."""
@@ -18,6 +19,28 @@ BURST_S = 4.0
 """What was not used in so much time may be used at once."""
 
 
+class RateLimit:
+    """How often something may happen: so many at once, and so many a second. Args: clock: steady, in s."""
+
+    def __init__(self, at_once: float, per_s: float, clock: Callable[[], float] = time.monotonic):
+        self._most, self._per_s, self._clock = at_once, per_s, clock
+        self._left, self._looked_s = at_once, clock()
+
+    def has(self, cost: float) -> bool:
+        """Whether so much is within it now."""
+        now_s = self._clock()
+        self._left = min(self._most, self._left + self._per_s * (now_s - self._looked_s))
+        self._looked_s = now_s
+        return self._left >= cost
+
+    def allows(self, cost: float = 1.0) -> bool:
+        """Whether so much is within it now; then it is used."""
+        if not self.has(cost):
+            return False
+        self._left -= cost
+        return True
+
+
 class Quota:
     """Of one topic.
 
@@ -27,18 +50,15 @@ class Quota:
 
     def __init__(self, bytes_per_s: float = BYTES_PER_S, messages_per_s: float = MESSAGES_PER_S):
         self.dropped = 0
-        self._rates = (bytes_per_s, messages_per_s)
-        self._left = [rate * BURST_S for rate in self._rates]
-        self._at_s = -math.inf
+        self._now_s = 0.0
+        self._bytes, self._messages = (
+            RateLimit(rate * BURST_S, rate, lambda: self._now_s) for rate in (bytes_per_s, messages_per_s)
+        )
 
     def takes(self, size: int, now_s: float) -> bool:
         """Whether a message of `size` bytes may be kept, at a time of a steady clock in s."""
-        elapsed_s = min(now_s - self._at_s, BURST_S)
-        self._at_s = now_s
-        self._left = [min(rate * BURST_S, left + rate * elapsed_s) for rate, left in zip(self._rates, self._left, strict=True)]
-        cost = (size, 1)
-        if size > MOST_BYTES or any(left < used for left, used in zip(self._left, cost, strict=True)):
-            self.dropped += 1
-            return False
-        self._left = [left - used for left, used in zip(self._left, cost, strict=True)]
-        return True
+        self._now_s = now_s
+        if size <= MOST_BYTES and self._messages.has(1) and self._bytes.allows(size):
+            return self._messages.allows()
+        self.dropped += 1
+        return False

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO, NamedTuple
 
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.recording.bag_types import misfit_of
-from sim_core.files.printable import printable
+from sim_core.printable import printable
 
 MAGIC = b"\x89MCAP0\r\n"
 MOST_RECORD = 256 << 20

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from hardware_bridge.errors import BridgeError, RecorderError
 from hardware_bridge.recording.journal import Recording, finish_journal
-from sim_core.files.printable import printable
+from sim_core.printable import printable
 
 MEMORY = 1 << 30
 """Address space beside the journal itself, which is mapped, in bytes."""

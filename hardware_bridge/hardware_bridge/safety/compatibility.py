@@ -6,9 +6,9 @@ from __future__ import annotations
 import math
 
 from hardware_bridge.boards.board import Board
-from hardware_bridge.calibration.pulse_map import STRUTS
 from hardware_bridge.errors import BoardMismatch, CalibrationError, ParameterError
 from hardware_bridge.safety.limit_checks import Rules
+from sim_core.names import STRUT_NAMES
 
 BITS_PER_BYTE = 10
 LARGEST_SHARE = 0.9
@@ -26,7 +26,7 @@ def require_fit(board: Board, rules: Rules, baud: int) -> None:
     calibration, quirks = rules.calibration, board.quirks
     if calibration.board is not None and calibration.board != board.name:
         raise BoardMismatch(board.name, calibration.board, "the calibration")
-    for name, strut in zip(STRUTS, calibration.struts, strict=True):
+    for name, strut in zip(STRUT_NAMES, calibration.struts, strict=True):
         if not quirks.channels[0] <= strut.channel <= quirks.channels[1]:
             low, high = quirks.channels
             raise CalibrationError(f"for {board.name}", f"channel is {strut.channel}, valid is {low} to {high}", strut=name)

@@ -9,12 +9,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hardware_bridge.calibration.pulse_map import STRUTS, Calibration
+from hardware_bridge.calibration.pulse_map import Calibration
 from hardware_bridge.calibration.whole_pulses import exact_pulses_us, whole
 from hardware_bridge.errors import DutyError
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.limits import Limits
 from hardware_bridge.safety.trajectory import Trajectory
+from sim_core.names import STRUT_NAMES
 
 _PARTS = 60
 """Spells that a window is counted in; a spell counts until all of it is older than the window, so never too little."""
@@ -45,7 +46,7 @@ class Duty:
     def used_s(self, now_s: float, limits: Limits) -> np.ndarray:
         """Time that each strut ran within the window, in [s]. Shape (6,)."""
         since_s = now_s - limits.duty_window_s - limits.duty_window_s / _PARTS
-        return sum((np.array(run_s) for start_s, run_s in self.spells if start_s > since_s), np.zeros(len(STRUTS)))
+        return sum((np.array(run_s) for start_s, run_s in self.spells if start_s > since_s), np.zeros(len(STRUT_NAMES)))
 
     def left_s(self, now_s: float, limits: Limits) -> float:
         """How long the strut that has least left may still run, in [s] of robot time."""
@@ -61,10 +62,6 @@ class Duty:
     def _old_in_s(self, start_s: float, now_s: float, limits: Limits) -> float:
         return start_s + limits.duty_window_s * (1.0 + 1.0 / _PARTS) - now_s
 
-    def moved_by(self, seconds: float) -> Duty:
-        """The same on a clock that reads `seconds` more."""
-        return Duty(tuple((start_s + seconds, run_s) for start_s, run_s in self.spells))
-
 
 def check_duty(duty: Duty, path: Trajectory, now_s: float, rules: Rules) -> None:
     """Whether there is time left for a whole path.
@@ -79,7 +76,9 @@ def check_duty(duty: Duty, path: Trajectory, now_s: float, rules: Rules) -> None
     if over.any():
         worst = int(np.argmax(np.where(over, used_s + needs_s, -1.0)))
         wait_s = duty.wait_s(needs_s, now_s, limits) if (needs_s <= limits.duty_s).all() else None
-        raise DutyError(STRUTS[worst], float(used_s[worst]), float(needs_s[worst]), limits.duty_s, limits.duty_window_s, wait_s)
+        raise DutyError(
+            STRUT_NAMES[worst], float(used_s[worst]), float(needs_s[worst]), limits.duty_s, limits.duty_window_s, wait_s
+        )
 
 
 def run_time_s(path: Trajectory, calibration: Calibration, period_s: float) -> np.ndarray:
@@ -93,8 +92,8 @@ def run_time_s(path: Trajectory, calibration: Calibration, period_s: float) -> n
     times = np.sort(np.concatenate((edges, path.times_s)))
     first = np.searchsorted(times, edges)
     knots_us = exact_pulses_us(calibration, path.lengths_m)
-    needs_s = np.zeros(len(STRUTS))
-    for strut in range(len(STRUTS)):
+    needs_s = np.zeros(len(STRUT_NAMES))
+    for strut in range(len(STRUT_NAMES)):
         pulses_us = whole(np.interp(times, path.times_s, knots_us[:, strut]))
         ends = pulses_us[first]
         high = np.maximum(np.maximum.reduceat(pulses_us, first)[:-1], ends[1:])
@@ -111,7 +110,7 @@ def returns(path: Trajectory, calibration: Calibration) -> bool:
     In whole pulses, as they are sent, and against the least stroke so far: so nothing adds up, neither from knot to knot nor from
     one motion to the next.
     """
-    mid_us = whole(exact_pulses_us(calibration, [calibration.mid_stroke_length_m] * len(STRUTS)))
+    mid_us = whole(exact_pulses_us(calibration, [calibration.mid_stroke_length_m] * len(STRUT_NAMES)))
     strokes_us = whole(exact_pulses_us(calibration, path.lengths_m)) - mid_us
     strokes_us = strokes_us * np.where(strokes_us[0] < 0, -1, 1)
     return bool((strokes_us >= 0).all() and (strokes_us <= np.minimum.accumulate(strokes_us, axis=0)).all())

@@ -7,11 +7,11 @@ import math
 
 import numpy as np
 
-from hardware_bridge.calibration.pulse_map import STRUTS
 from hardware_bridge.errors import PositionUnknown
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.supervisor_messages import Arm, State
 from hardware_bridge.safety.trajectory import Trajectory
+from sim_core.names import STRUT_NAMES
 
 CONFIRMATION_TOLERANCE_M = 0.002
 """How far the operator's word may be from the record of the last write before one of them must be wrong."""
@@ -23,7 +23,7 @@ def known_pulses(rules: Rules, state: State, arm: Arm) -> tuple[int, ...]:
     Raises:
         PositionUnknown: neither is known, or they disagree, naming the strut.
     """
-    if len(arm.confirmed_lengths_m) != len(STRUTS):
+    if len(arm.confirmed_lengths_m) != len(STRUT_NAMES):
         raise PositionUnknown("S1 to S6", f"{len(arm.confirmed_lengths_m)} confirmed lengths, valid are 0 or 6")
     calibration = rules.calibration
     pulses_us = []
@@ -33,14 +33,14 @@ def known_pulses(rules: Rules, state: State, arm: Arm) -> tuple[int, ...]:
             if confirmed_m is None:
                 why = f": {state.unknown_why}" if state.unknown_why else ""
                 remedy = "look where each strut is, and confirm the six lengths in m with arm"
-                raise PositionUnknown(STRUTS[index], f"nobody knows its length{why}; {remedy}")
+                raise PositionUnknown(STRUT_NAMES[index], f"nobody knows its length{why}; {remedy}")
             pulses_us.append(calibration.pulse_us(index, confirmed_m))
             continue
         recorded_m = calibration.length_m(index, recorded_us)
         if confirmed_m is not None and abs(recorded_m - confirmed_m) > CONFIRMATION_TOLERANCE_M:
             problem = f"was last sent {recorded_m:.4f} m, but {confirmed_m:.4f} m is confirmed"
             remedy = "arm without confirming to trust the record, or delete the last-pulses file"
-            raise PositionUnknown(STRUTS[index], f"{problem}; {remedy}")
+            raise PositionUnknown(STRUT_NAMES[index], f"{problem}; {remedy}")
         pulses_us.append(recorded_us)
     return tuple(pulses_us)
 
@@ -52,4 +52,4 @@ def homing_path(rules: Rules, pulses_us: tuple[int, ...]) -> Trajectory:
     way_m = max(abs(length_m - mid_m) for length_m in present_m)
     speed_m_s = min(rules.pacing.homing_speed_m_s, rules.limits.speed_m_s)
     duration_s = max(rules.pacing.period_s, way_m / speed_m_s)
-    return Trajectory(np.array([0.0, duration_s]), np.array([present_m, [mid_m] * len(STRUTS)]))
+    return Trajectory(np.array([0.0, duration_s]), np.array([present_m, [mid_m] * len(STRUT_NAMES)]))

@@ -11,13 +11,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from hardware_bridge.calibration.pulse_map import STRUTS, Calibration
+from hardware_bridge.calibration.pulse_map import Calibration
 from hardware_bridge.calibration.whole_pulses import rounded_m
 from hardware_bridge.errors import LimitError, ShapeError, TrajectoryError
 from hardware_bridge.safety.limits import Limits, Pacing
 from hardware_bridge.safety.path_extremes import most_hasty, points_along
 from hardware_bridge.safety.shape_cache import ShapeCheck
 from hardware_bridge.safety.trajectory import Trajectory
+from sim_core.names import STRUT_NAMES
 
 SHAPE_STEP_M = 1e-3
 """No strut changes by more between two shapes that are judged along a path."""
@@ -65,7 +66,7 @@ def check_trajectory(rules: Rules, present_m: Sequence[float], trajectory: Traje
         _check_stroke(rules, trajectory.lengths_m[knot], limits.stroke_m, f"at knot {knot + 1}")
     quanta_m = np.array([strut.quantum_m for strut in rules.calibration.struts])
     if trajectory.times_s[0] == 0.0:
-        for name, asked, present, quantum in zip(STRUTS, trajectory.lengths_m[0], present_m, quanta_m, strict=True):
+        for name, asked, present, quantum in zip(STRUT_NAMES, trajectory.lengths_m[0], present_m, quanta_m, strict=True):
             if abs(asked - present) > quantum + _ROUNDING_M:
                 where = f"from the present {present:.4f} m at knot 1, time 0; start where the strut is"
                 raise LimitError(name, "jump", abs(asked - present) * 1e3, quantum * 1e3, "mm", where)
@@ -83,7 +84,7 @@ def _check_haste(path: Trajectory, quantity: str, unit: str, speed_m_s: float, s
     if haste.over_m > quanta_m[haste.strut] + _ROUNDING_M:
         change_mm = haste.change_m / max(haste.end_s - haste.start_s, 1e-9) * span_s * 1e3
         where = f"from {haste.start_s:.3f} to {haste.end_s:.3f} s"
-        raise LimitError(STRUTS[haste.strut], quantity, change_mm, speed_m_s * span_s * 1e3, unit, where)
+        raise LimitError(STRUT_NAMES[haste.strut], quantity, change_mm, speed_m_s * span_s * 1e3, unit, where)
 
 
 def check_homing(rules: Rules, pulses_us: Sequence[int], path: Trajectory) -> None:
@@ -92,7 +93,7 @@ def check_homing(rules: Rules, pulses_us: Sequence[int], path: Trajectory) -> No
     Raises:
         LimitError, ShapeError: with strut, value and limit.
     """
-    _check_pulses(rules, range(len(STRUTS)), pulses_us)
+    _check_pulses(rules, range(len(STRUT_NAMES)), pulses_us)
     _check_stroke(rules, rules.calibration.lengths_m(pulses_us), np.inf, "before homing")
     check_shapes(rules, path)
 
@@ -149,7 +150,7 @@ def check_frame(
     _check_pulses(rules, struts, pulses_us)
     repeats = tuple(pulses_us) == tuple(previous_us)
     for index in struts:
-        name, strut, pulse, before = STRUTS[index], calibration.struts[index], pulses_us[index], previous_us[index]
+        name, strut, pulse, before = STRUT_NAMES[index], calibration.struts[index], pulses_us[index], previous_us[index]
         at_us = before if board_us is None else board_us[index]
         if before is None or (at_us is None and pulse != before):
             raise LimitError(name, "step from an unknown position", np.nan, limits.step_m * 1e3, "mm")
@@ -188,7 +189,7 @@ def _check_pulses(rules: Rules, struts: Iterable[int], pulses_us: Sequence[int])
     for index in struts:
         pulse, (low, high) = pulses_us[index], rules.calibration.struts[index].pulse_us
         if not low <= pulse <= high:
-            raise LimitError(STRUTS[index], "pulse", pulse, low if pulse < low else high, "us")
+            raise LimitError(STRUT_NAMES[index], "pulse", pulse, low if pulse < low else high, "us")
 
 
 def _check_stroke(rules: Rules, lengths_m: Sequence[float], bound_m: float, where: str) -> None:
@@ -202,4 +203,4 @@ def _check_one_stroke(rules: Rules, index: int, stroke_m: float, bound_m: float,
     tolerance_m += _ROUNDING_M
     if not low_m - tolerance_m <= stroke_m <= high_m + tolerance_m:
         limit_m = low_m if stroke_m < low_m else high_m
-        raise LimitError(STRUTS[index], "stroke", stroke_m * 1e3, limit_m * 1e3, "mm", where)
+        raise LimitError(STRUT_NAMES[index], "stroke", stroke_m * 1e3, limit_m * 1e3, "mm", where)

@@ -21,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware_bridge.calibration.pulse_map import STRUTS
 from hardware_bridge.calibration.whole_pulses import exact_pulses_us, whole
 from hardware_bridge.errors import (
     FaultLatched,
@@ -65,12 +64,13 @@ from hardware_bridge.safety.supervisor_messages import (
     Tick,
 )
 from hardware_bridge.safety.trajectory import Trajectory
+from sim_core.names import STRUT_NAMES
 
 _ROUNDING_S = 1e-6
 _HALF_US = 0.5 + 1e-9
 """Rounding to a whole pulse, at most."""
-_ALL = tuple(range(len(STRUTS)))
-_NOBODY = (False,) * len(STRUTS)
+_ALL = tuple(range(len(STRUT_NAMES)))
+_NOBODY = (False,) * len(STRUT_NAMES)
 
 Result = tuple[State, tuple[Effect, ...]]
 
@@ -238,7 +238,7 @@ class Supervisor:
         if now.robot_s < state.resume_s:
             return state, ()
         pulses_us = self._pulses(state)
-        if state.energising == len(STRUTS):
+        if state.energising == len(STRUT_NAMES):
             return self._advance(state, Motion(HOMING_NUMBER, homing_path(self.rules, pulses_us)), now)
         index = state.energising
         energised = tuple(on or each == index for each, on in enumerate(state.energised))
@@ -270,7 +270,7 @@ class Supervisor:
             state,
             motion=moved,
             pulses_us=pulses_us,
-            energised=(True,) * len(STRUTS),
+            energised=(True,) * len(STRUT_NAMES),
             last_frame=self._frame(where, pulses_us, now),
             duty=duty,
         )

@@ -6,13 +6,13 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from hardware_bridge.calibration.pulse_map import STRUTS
 from hardware_bridge.errors import Refused
 from hardware_bridge.safety.duty_cycle import Duty
 from hardware_bridge.safety.trajectory import Trajectory
+from sim_core.names import STRUT_NAMES
 
-_NONE_KNOWN: tuple[int | None, ...] = (None,) * len(STRUTS)
-_NONE_ENERGISED = (False,) * len(STRUTS)
+_NONE_KNOWN: tuple[int | None, ...] = (None,) * len(STRUT_NAMES)
+_NONE_ENERGISED = (False,) * len(STRUT_NAMES)
 
 
 HOMING_NUMBER = 0
@@ -143,7 +143,7 @@ class Arm:
     holder: str
     lifted_and_clear: bool
     token: str
-    confirmed_lengths_m: tuple[float | None, ...] = (None,) * len(STRUTS)
+    confirmed_lengths_m: tuple[float | None, ...] = (None,) * len(STRUT_NAMES)
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from hardware_bridge.calibration.pulse_map import STRUTS
 from hardware_bridge.errors import TrajectoryError
+from sim_core.names import STRUT_NAMES
 
 MAX_KNOTS = 4000
 MAX_DURATION_S = 600.0
@@ -44,13 +44,13 @@ class Trajectory:
         except (TypeError, ValueError) as error:
             raise TrajectoryError("times and lengths must be numbers, six lengths a knot") from error
         most = MAX_KNOTS + bool(times.size and times.flat[0] == 0.0)
-        if times.ndim != 1 or not 1 <= len(times) <= most or lengths.shape != (len(times), len(STRUTS)):
+        if times.ndim != 1 or not 1 <= len(times) <= most or lengths.shape != (len(times), len(STRUT_NAMES)):
             shapes = f"times {times.shape} and lengths {lengths.shape}"
             raise TrajectoryError(f"{shapes}, valid are (n,) and (n, 6) with n from 1 to {MAX_KNOTS} after time 0")
         if not (finite := np.isfinite(lengths)).all():
             knot, strut = (int(index) for index in np.argwhere(~finite)[0])
-            problem = f"{STRUTS[strut]} is {lengths[knot, strut]} at knot {knot + 1}, valid is a length in m"
-            raise TrajectoryError(problem, STRUTS[strut], knot + 1)
+            problem = f"{STRUT_NAMES[strut]} is {lengths[knot, strut]} at knot {knot + 1}, valid is a length in m"
+            raise TrajectoryError(problem, STRUT_NAMES[strut], knot + 1)
         good = (times >= 0.0) & (times <= MAX_DURATION_S)
         good[1:] &= np.diff(times) >= CLOSEST_S
         if not good.all():
@@ -69,16 +69,16 @@ class Trajectory:
         Raises:
             TrajectoryError: wrong names or counts, or as the class.
         """
-        if sorted(names) != list(STRUTS):
-            raise TrajectoryError(f"names are {list(names)}, valid are {list(STRUTS)}, each once")
+        if sorted(names) != list(STRUT_NAMES):
+            raise TrajectoryError(f"names are {list(names)}, valid are {list(STRUT_NAMES)}, each once")
         try:
             lengths = np.array(lengths_m, dtype=np.float64)
             times = np.array(times_s, dtype=np.float64)
         except (TypeError, ValueError) as error:
             raise TrajectoryError("times and lengths must be numbers, six lengths a knot") from error
-        if lengths.ndim != 2 or lengths.shape[1] != len(STRUTS):
+        if lengths.ndim != 2 or lengths.shape[1] != len(STRUT_NAMES):
             raise TrajectoryError(f"lengths have shape {lengths.shape}, valid is (n, 6)")
-        return cls(times, lengths[:, [list(names).index(strut) for strut in STRUTS]])
+        return cls(times, lengths[:, [list(names).index(strut) for strut in STRUT_NAMES]])
 
     @property
     def duration_s(self) -> float:

@@ -14,13 +14,13 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from hardware_bridge.calibration.pulse_map import STRUTS
 from hardware_bridge.errors import StateFileError
 from hardware_bridge.safety.duty_cycle import Duty
 from hardware_bridge.safety.limits import Limits
 from hardware_bridge.saved_state import state_file
 from hardware_bridge.saved_state.robot_identity import NAMELESS, Identity, record_path
 from hardware_bridge.saved_state.state_file import UnreadableError
+from sim_core.names import STRUT_NAMES
 
 _log = logging.getLogger(__name__)
 
@@ -79,7 +79,7 @@ class DutyRecord:
         known_s = max(known_s, rested_s, 0.0)
         self._known_since_s = now_s - known_s
         if known_s < window_s:
-            spells.append((known_s + window_s / _PARTS, (UNKNOWN_S,) * len(STRUTS)))
+            spells.append((known_s + window_s / _PARTS, (UNKNOWN_S,) * len(STRUT_NAMES)))
         return Duty(tuple(sorted((now_s - age_s, run_s) for age_s, run_s in spells)))
 
     def save(self, duty: Duty, now_s: float, force: bool = False) -> None:
@@ -154,7 +154,7 @@ def _rest_s(data: dict[str, object]) -> float:
 def _spells(value: object) -> Sequence[tuple[object, Sequence[object]]]:
     if not isinstance(value, list) or len(value) > _MOST_SPELLS:
         raise ValueError("no spells")
-    if any(len(spell) != 2 or not isinstance(spell[1], list) or len(spell[1]) != len(STRUTS) for spell in value):
+    if any(len(spell) != 2 or not isinstance(spell[1], list) or len(spell[1]) != len(STRUT_NAMES) for spell in value):
         raise ValueError("no spell")
     return value
 

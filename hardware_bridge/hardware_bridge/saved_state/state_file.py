@@ -6,8 +6,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import stat
 from pathlib import Path
+
+from sim_core.errors import FileError
+from sim_core.files.bounded_reader import read_bytes
 
 LARGEST_BYTES = 1_000_000
 """More than any record can need; what is larger is not read."""
@@ -30,22 +32,13 @@ def read(path: Path) -> dict[str, object] | None:
         UnreadableError: it is no plain file of this user, is too large, or holds no JSON object.
     """
     try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        text = read_bytes(path, LARGEST_BYTES, owners=(os.geteuid(), 0))
     except FileNotFoundError:
         return None
     except OSError as error:
         raise UnreadableError(f"{path} cannot be read ({error.strerror})") from error
-    status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode) or status.st_uid not in (os.geteuid(), 0):
-        os.close(descriptor)
-        raise UnreadableError(f"{path} is {'of another user' if stat.S_ISREG(status.st_mode) else 'no plain file'}")
-    with os.fdopen(descriptor, "rb") as file:
-        try:
-            text = file.read(LARGEST_BYTES + 1)
-        except OSError as error:
-            raise UnreadableError(f"{path} cannot be read ({error.strerror})") from error
-    if len(text) > LARGEST_BYTES:
-        raise UnreadableError(f"{path} is larger than {LARGEST_BYTES} bytes")
+    except FileError as error:
+        raise UnreadableError(f"{path} cannot be read: {error.problem}") from error
     try:
         data = json.loads(text, parse_constant=_refuse)
     except (ValueError, RecursionError) as error:

@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from hardware_bridge.prototype_client.observation import Observation
 from sim_core.dynamics.actuators import ActuatorParameters, following
-
-REST_S = 0.2
-"""How long all joints must have been slow for the robot to be settled."""
+from sim_core.twin.rest_detector import OBSERVER_HOLD_S, RestWatch
 
 
 class Body(Protocol):
@@ -85,7 +83,8 @@ class SimulatedBody:
         self._robot = Robot.resting_on(model, face)
         self._first_step = self._robot.step
         self._targets_m = np.full(6, self.mid_stroke_length_m)
-        self._moved_s = -REST_S
+        self._rest = RestWatch(OBSERVER_HOLD_S, sees_drives=False, resting=True)
+        self._settled = True
 
     @property
     def time_s(self) -> float:
@@ -111,8 +110,7 @@ class SimulatedBody:
 
     def _step(self, steps: int) -> None:
         self._robot.advance(steps)
-        if not self._robot.is_slow():
-            self._moved_s = self.time_s
+        self._settled = self._rest.at_rest(self._robot, self._robot.step)
 
     @property
     def supply_v(self) -> float | None:
@@ -130,7 +128,7 @@ class SimulatedBody:
             robot_time_ns=self._steps * 1_000_000_000 // self._steps_per_second,
             face=footing.face,
             detail=footing.detail,
-            settled=self.time_s - self._moved_s >= REST_S,
+            settled=self._settled,
             joints_m=self._robot.joints_m(),
             box_m=self._robot.box_m(),
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import os
 import stat
+from collections.abc import Collection
 from pathlib import Path
 
 from sim_core.errors import FileError
@@ -13,13 +14,30 @@ MOST_BYTES = 4_000_000
 """The largest file that the tools read whole, a fitted ensemble of 10,000 members, has 2 MB."""
 
 
-def read_bytes(path: Path | str, most: int = MOST_BYTES) -> bytes:
-    """A whole file. Raises FileError: it has more than `most` bytes, or is no regular file. OSError: it cannot be read."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK)  # a pipe that nobody writes to shall not block
-    with os.fdopen(descriptor, "rb") as stream:
-        if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+def read_bytes(path: Path | str, most: int = MOST_BYTES, owners: Collection[int] | None = None, hidden: bool = False) -> bytes:
+    """A whole file.
+
+    Args:
+        owners: numbers of the users of whom it may be; then it is read through no link. None: anybody's.
+        hidden: others must be able neither to read nor to change it.
+
+    Raises:
+        FileError: it has more than `most` bytes, is no regular file, or others may have to do with it. OSError: it cannot be read.
+    """
+    no_link = 0 if owners is None else os.O_NOFOLLOW
+    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC | no_link)  # a pipe that nobody writes to shall not block
+    try:
+        status = os.fstat(descriptor)
+        if not stat.S_ISREG(status.st_mode):
             raise FileError(str(path), "it is no regular file", "give a file")
-        data = stream.read(most + 1)
+        if owners is not None and status.st_uid not in owners:
+            raise FileError(str(path), "it is of another user", "give a file of yours")
+        if hidden and status.st_mode & 0o077:
+            raise FileError(str(path), "others can read or change it", "chmod 600 it, as its owner")
+        with os.fdopen(descriptor, "rb", closefd=False) as stream:
+            data = stream.read(most + 1)
+    finally:
+        os.close(descriptor)
     if len(data) > most:
         raise FileError(str(path), f"it has more than {most / 1e6:g} MB", "is it the right file?")
     return data

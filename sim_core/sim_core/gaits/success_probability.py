@@ -10,9 +10,10 @@ from typing import Any
 
 import yaml
 
-from sim_core.errors import LibraryError, YamlError, one_line
+from sim_core.errors import LibraryError, YamlError
 from sim_core.files.yaml_reader import read_yaml
 from sim_core.gaits.library import Gait, Library, libraries_folder
+from sim_core.printable import printable
 from sim_core.structure.symmetry import rolls_of
 
 SCHEMA = 1
@@ -67,7 +68,7 @@ def load_odds(library: Library, path: Path | None = None) -> Odds | None:
         if path is None:
             return None
         raise LibraryError(
-            f"cannot read odds {file}: {one_line(str(error), 200)}; make them with: sixstrut robustness LIBRARY --odds FILE"
+            f"cannot read odds {file}: {printable(error, 200)}; make them with: sixstrut robustness LIBRARY --odds FILE"
         ) from error
     if odds.library_hash != library.hash:
         if path is None:

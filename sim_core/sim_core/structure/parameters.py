@@ -12,8 +12,9 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from sim_core.errors import ParameterError, YamlError, brief, one_line
+from sim_core.errors import ParameterError, YamlError, brief
 from sim_core.files.yaml_reader import read_yaml
+from sim_core.printable import printable
 
 SCHEMA = 1
 SOURCES = ("paper", "math", "method", "stand-in", "design", "standard", "calibrated", "measured")
@@ -217,7 +218,7 @@ def parse_entries(document: Any, file: str) -> tuple[Entry, ...]:
     given = {name: row for name, row in document.items() if name not in ("schema", "name")}
     missing, unknown = sorted(SPECS.keys() - given.keys()), sorted(given.keys() - SPECS.keys())
     if missing or unknown:
-        names = one_line(", ".join(map(str, unknown)))
+        names = printable(", ".join(map(str, unknown)), 80)
         parts = [f"missing: {', '.join(missing)}"] * bool(missing) + [f"unknown: {names}"] * bool(unknown)
         raise ParameterError(f"{file}: {'; '.join(parts)}; valid parameters are those of {default_path()}")
     return tuple(_entry(file, name, row) for name, row in given.items())

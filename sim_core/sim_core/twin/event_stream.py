@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from sim_core.files.printable import printable
+from sim_core.printable import printable
 from sim_core.twin.follower import Event, Observed, Order, Pace, Sent, impossible
 from sim_core.twin.live_bridge import FRESH_S
 

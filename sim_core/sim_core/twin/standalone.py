@@ -11,8 +11,7 @@ import numpy as np
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import Robot
 from sim_core.errors import brief
-
-STRUT_NAMES = tuple(f"S{number}" for number in range(1, 7))
+from sim_core.names import STRUT_NAMES
 
 
 class StandAlone:

@@ -13,8 +13,9 @@ import numpy as np
 import yaml
 
 from sim_core.dynamics.model import Model
-from sim_core.errors import SimError, YamlError, brief, one_line
+from sim_core.errors import SimError, YamlError, brief
 from sim_core.files.yaml_reader import read_yaml
+from sim_core.printable import printable
 from sim_core.structure.arrays import Array
 from sim_core.uncertainty.importance_weights import effective_size, systematic
 from sim_core.uncertainty.robot_prior import Member, member_model
@@ -121,7 +122,7 @@ def load_posterior(path: Path | str) -> Posterior:
         model_hash, provenance = str(document["model_hash"]), dict(document["provenance"])
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise EnsembleError(
-            f"{path}: {one_line(str(error), 160)}; valid members are lists of {len(COLUMNS)} numbers: {', '.join(COLUMNS)}"
+            f"{path}: {printable(error, 160)}; valid members are lists of {len(COLUMNS)} numbers: {', '.join(COLUMNS)}"
         ) from error
     if not len(weights) or (weights < 0.0).any() or not np.isfinite(weights).all() or not weights.sum() > 0.0:
         raise EnsembleError(f"{path}: valid weights are numbers of 0 or more, at least one of them positive")

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from hardware_bridge.boards.board import Board, Health
 from hardware_bridge.boards.lsc import (
+    CMD_UNLOAD,
     Frame,
     FrameDecoder,
     Lsc,
@@ -20,7 +21,6 @@ from hardware_bridge.boards.lsc import (
     encode_battery_reply,
     encode_frame,
     encode_move,
-    encode_unload,
 )
 from hardware_bridge.errors import CodecError
 
@@ -34,7 +34,7 @@ GOLDEN = [
     (encode_frame(0x07), "55 55 02 07"),
     (encode_battery_query(), "55 55 02 0F"),
     (encode_battery_reply(7400), "55 55 04 0F E8 1C"),
-    (encode_unload(range(1, 7)), "55 55 09 14 06 01 02 03 04 05 06"),
+    (encode_frame(CMD_UNLOAD, bytes((6, *range(1, 7)))), "55 55 09 14 06 01 02 03 04 05 06"),
 ]
 
 channels = st.lists(st.integers(1, 32), min_size=1, max_size=6, unique=True)
@@ -74,7 +74,7 @@ def test_a_battery_reply_reads_back(millivolts: int) -> None:
 
 @given(channels)
 def test_an_unload_reads_back(chosen: list[int]) -> None:
-    (frame,) = FrameDecoder().feed(encode_unload(chosen))
+    (frame,) = FrameDecoder().feed(encode_frame(CMD_UNLOAD, bytes((len(chosen), *chosen))))
     assert decode_unload(frame) == tuple(chosen)
 
 

@@ -16,7 +16,6 @@ from hardware_bridge.boards.maestro import (
     Maestro,
     crc7,
     decode_errors,
-    mini_ssc,
     speed_units,
     timeout_s,
 )
@@ -30,10 +29,7 @@ MANUAL = [
     (COMPACT.set_target(0, 2000), "84 00 40 3E"),
     (COMPACT.set_target(0, 0), "84 00 00 00"),
     (POLOLU.set_target(0, 1500), "AA 0C 04 00 70 2E"),
-    (mini_ssc(0, 127), "FF 00 7F"),
     (COMPACT.set_speed(5, 140), "87 05 0C 01"),
-    (COMPACT.set_acceleration(5, 4), "89 05 04 00"),
-    (COMPACT.set_multiple(3, [1000, 1500]), "9F 02 03 20 1F 70 2E"),
     (COMPACT.ask_position(0), "90 00"),
     (COMPACT.packet(GET_MOVING), "93"),
     (COMPACT.packet(GET_ERRORS), "A1"),

@@ -24,13 +24,8 @@ from hardware_bridge.boards.ssc32 import (
     decode_line,
     decode_pulse_reply,
     encode_move,
-    encode_moving_query,
-    encode_off,
-    encode_offset,
     encode_pulse_query,
     encode_pulse_reply,
-    encode_speed_move,
-    encode_stop,
 )
 from hardware_bridge.errors import CodecError
 
@@ -38,13 +33,8 @@ MANUAL = [
     (encode_move([1600], [5], 1000), b"#5P1600T1000\r"),
     (encode_move([1600], [5], 1000), bytes.fromhex("23 35 50 31 36 30 30 54 31 30 30 30 0D")),
     (encode_move([1500] * 6, range(6), 1000), b"#0P1500#1P1500#2P1500#3P1500#4P1500#5P1500T1000\r"),
-    (encode_speed_move(1600, 5, 750), b"#5P1600S750\r"),
-    (encode_moving_query(), b"Q\r"),
     (encode_pulse_query([5]), b"QP5\r"),
     (encode_pulse_query([0, 1]), b"QP0QP1\r"),
-    (encode_stop(5), b"STOP 5\r"),
-    (encode_off(5), b"#5L\r"),
-    (encode_offset(5, -20), b"#5PO-20\r"),
     (CANCEL, bytes.fromhex("1B 0D")),
     (encode_pulse_reply([1500]), bytes.fromhex("96")),
 ]

@@ -8,12 +8,13 @@ from pathlib import Path
 import pytest
 
 from hardware_bridge.calibration.calibration_file import Unfinished, write_calibration
-from hardware_bridge.calibration.pulse_map import STRUTS, Calibration, load_calibration
+from hardware_bridge.calibration.pulse_map import Calibration, load_calibration
 from hardware_bridge.errors import CalibrationError
+from sim_core.names import STRUT_NAMES
 
 
 def by_name(calibration: Calibration) -> dict:
-    return dict(zip(STRUTS, calibration.struts, strict=True))
+    return dict(zip(STRUT_NAMES, calibration.struts, strict=True))
 
 
 def test_what_is_written_is_what_is_read(tmp_path: Path, calibration: Calibration) -> None:

@@ -61,11 +61,6 @@ def test_struts_that_rest_in_a_long_motion_need_nothing() -> None:
     check_duty(Duty(), Trajectory([0.0, 2.0, 500.0], [MID, [0.24, *MID[1:]], [0.24, *MID[1:]]]), 0.0, RULES)
 
 
-def test_another_clock_changes_nothing() -> None:
-    duty = Duty().ran(FIRST, 5.0, 100.0, LIMITS)
-    assert duty.moved_by(-90.0).left_s(50.0, LIMITS) == duty.left_s(140.0, LIMITS)
-
-
 @pytest.mark.parametrize(
     ("lengths_m", "back"),
     [

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from sim_core.dynamics.model import build_model
+from sim_core.names import STRUT_NAMES
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.rest_detector import RestWatch
-from sim_core.twin.standalone import STRUT_NAMES, StandAlone
+from sim_core.twin.standalone import StandAlone
 
 S = 1_000_000_000
 NEUTRAL = [0.234] * 6

@@ -14,8 +14,9 @@ import pytest
 from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.calibration.calibration_file import Unfinished, write_calibration
-from hardware_bridge.calibration.pulse_map import STRUTS, load_calibration
+from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.virtual_prototype.boards.registry import emulate
+from sim_core.names import STRUT_NAMES
 from tensegrity_lab.commissioning.checks import Health, check_calibration, check_folder, check_network
 from tensegrity_lab.commissioning.port_checks import check_bluetooth, check_port
 from tests.hardware_bridge.conftest import Running
@@ -148,7 +149,7 @@ def test_calibrations_good_broken_and_unfinished(tmp_path):
     assert check_calibration(None, real=False).health is Health.SKIPPED
     assert "cannot be read" in check_calibration(file, real=True).told
     default = load_calibration()
-    struts = dict(zip(STRUTS, default.struts, strict=True))
+    struts = dict(zip(STRUT_NAMES, default.struts, strict=True))
     write_calibration(file, 0.234, struts)
     assert "names no robot" in check_calibration(file, real=False).told
     nameless = check_calibration(file, real=True)

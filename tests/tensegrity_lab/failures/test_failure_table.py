@@ -7,10 +7,11 @@ import pytest
 import typer
 
 from sixstrut_cli.commands.develop.faults import ROWS, _numbers
-from tensegrity_lab.failures.page import as_markdown, page_rows, without_folders
+from tensegrity_lab.failures.page import as_markdown, without_folders
 from tensegrity_lab.failures.runner import Outcome
-from tensegrity_lab.failures.scenario import Evidence, expect, shape_of
+from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.failures.table import RUNNING_ORDER, SCENARIOS
+from tests.tensegrity_lab.failures.documented import page_rows, shape_of
 
 
 def test_every_row_is_there_once_and_runs_once():

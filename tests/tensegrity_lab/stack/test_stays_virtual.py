@@ -18,8 +18,8 @@ import pytest
 from hardware_bridge.boards.lsc import encode_battery_query
 from hardware_bridge.virtual_prototype.boards.lsc import EmulatedLsc
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.failures.operator import Operator
-from tensegrity_lab.failures.processes import Process, Processes, wait_until
+from tensegrity_lab.stack.client import StackClient
+from tensegrity_lab.stack.processes import IsolatedStack, Process, wait_until
 from tests.tensegrity_lab.terminal import ENTER, Terminal
 from tests.tensegrity_robot.conftest import compiled, domain
 
@@ -73,12 +73,11 @@ class Lab:
         own = folder / "own.yaml"
         default = (files("hardware_bridge") / "data" / "calibration_default.yaml").read_text(encoding="utf-8")
         own.write_text(default.replace("stroke_mm: [-50, 50]", "stroke_mm: [-49, 49]"), encoding="utf-8")  # as if measured
-        self._robot = Processes(folder / "robot", domain)
-        (folder / "robot").mkdir()
-        self._robot.start("hardware_bridge", port=self.board.port, calibration=own).says("a real port")
-        self._operator = Operator(domain)
+        self._robot = IsolatedStack(folder / "robot", domain)
+        self._robot.node("hardware_bridge", port=self.board.port, calibration=own).says("a real port")
+        self._operator = StackClient(domain=domain, events=True)
         wait_until(lambda: self.bridge is not None and self.bridge.link_ok, 30.0, "the real robot's bridge")
-        self.beside = Processes(folder, domain)
+        self.beside = IsolatedStack(folder, domain)
 
     @property
     def bridge(self) -> BridgeState:
@@ -159,9 +158,9 @@ def test_what_a_person_arms_in_a_browser(lab: Lab, words: tuple[str, str]) -> No
     """Arming is asked of the planner, as page and app do it; in the printed domain, which says that `ros2` joins there, too."""
     command = lab.beside.command(words[0], "--virtual", "--port", "0", "--bags", str(lab.folder / words[0]))
     command.says(words[1], LIMIT_S)
-    operator = Operator(own_domain(command))
+    operator = StackClient(domain=own_domain(command), events=True)
     try:
-        operator.meets_stack()
+        operator.wait_for_stack()
         assert operator.bridge.prototype
         operator.arm()
     finally:

@@ -10,8 +10,8 @@ import pytest
 
 from tensegrity_interfaces.msg import BridgeState, LeaseProof
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.operator import Operator
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.client import StackClient
+from tensegrity_lab.stack.processes import wait_until
 
 pytestmark = pytest.mark.ros
 
@@ -22,8 +22,8 @@ EXAMPLE = Path(__file__).parents[3] / "bags" / "example.mcap"
 @pytest.fixture
 def armed(processes, operator):
     """The operator, holding the lease of an armed bridge on the virtual prototype."""
-    processes.start("virtual_prototype", "--time-scale", "8").says("ready")
-    processes.start("hardware_bridge", record=False).says("DISARMED, nothing moves")
+    processes.node("virtual_prototype", "--time-scale", "8").says("ready")
+    processes.node("hardware_bridge", record=False).says("DISARMED, nothing moves")
     answer = operator.call("bridge/arm", Arm.Request(holder="first", lifted_and_clear=True, confirmed_lengths_m=MID))
     assert answer.success, answer.message
     operator.lease = answer.lease
@@ -33,7 +33,7 @@ def armed(processes, operator):
 
 @pytest.fixture
 def second(domain):
-    operator = Operator(domain)
+    operator = StackClient(domain=domain, events=True)
     yield operator
     operator.close()
 

@@ -17,7 +17,7 @@ from std_srvs.srv import Trigger
 from hardware_bridge.boards.lsc import FrameDecoder, decode_move
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.processes import wait_until
 
 pytestmark = pytest.mark.ros
 
@@ -62,7 +62,7 @@ class Life:
         calibration.write_text(OWN_CALIBRATION)
         self.operator, self.board = operator, board
         self.calibration = calibration
-        self.process = processes.start(
+        self.process = processes.node(
             "hardware_bridge", autostart=False, port=board.link, calibration=calibration, silent_board=True
         )
         self._change = operator.node.create_client(ChangeState, "hardware_bridge/change_state")
@@ -72,11 +72,11 @@ class Life:
     def go(self, transition):
         request = ChangeState.Request()
         request.transition.id = transition
-        return self.operator._result(self._change.call_async(request), "change_state").success
+        return self.operator.result(self._change.call_async(request), "change_state").success
 
     @property
     def state(self):
-        return self.operator._result(self._get.call_async(GetState.Request()), "get_state").current_state.id
+        return self.operator.result(self._get.call_async(GetState.Request()), "get_state").current_state.id
 
     def arm(self, confirmed=MID):
         return self.operator.call("bridge/arm", Arm.Request(lifted_and_clear=True, confirmed_lengths_m=confirmed))

@@ -23,7 +23,7 @@ from sim_core.dynamics.model import build_model
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.follower import Follower, Observed, Sent
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.processes import wait_until
 
 pytestmark = pytest.mark.ros
 END_OF_LISTENING = b"end of listening"
@@ -32,27 +32,27 @@ END_OF_LISTENING = b"end of listening"
 @pytest.fixture(scope="module")
 def interrupted(module_processes, domain):
     """Bags of sessions that were ended in mid-roll, by how."""
-    from tensegrity_lab.failures.operator import Operator
+    from tensegrity_lab.stack.client import StackClient
 
-    operator = Operator(domain)
+    operator = StackClient(domain=domain, events=True)
     bags: dict[str, tuple[Path, int, str]] = {}
     try:
-        module_processes.start("virtual_prototype", "--time-scale", "8", "--seed", "3").says("ready")
-        module_processes.start("twin")
-        module_processes.start("gait_planner")
+        module_processes.node("virtual_prototype", "--time-scale", "8", "--seed", "3").says("ready")
+        module_processes.node("twin")
+        module_processes.node("gait_planner")
         for how, signals in {
             "SIGINT": (signal.SIGINT,),
             "SIGTERM": (signal.SIGTERM,),
             "SIGINT twice": (signal.SIGINT, signal.SIGINT),
         }.items():
-            operator.bridge = operator.face = None
+            operator.bridge = operator.observed = None
             operator.sent.clear()
-            bridge = module_processes.start("hardware_bridge")
+            bridge = module_processes.node("hardware_bridge")
             bridge.says("DISARMED, nothing moves")
-            operator.meets_stack()
-            wait_until(lambda: operator.face.settled and operator.face.face, 30.0, "rest on a face")
+            operator.wait_for_stack()
+            wait_until(lambda: operator.observed.settled and operator.observed.face, 30.0, "rest on a face")
             operator.arm()
-            goal = operator.begin_roll(_neighbour(operator.face.face))
+            goal = operator.begin_roll(_neighbour(operator.observed.face))
             assert goal.accepted
             operator.moves(goal, 0.01)
             bag = Path(operator.bridge.bag)
@@ -208,7 +208,7 @@ def test_on_a_real_port_the_last_bytes_hold_the_struts(processes, operator):
         own.write_text(
             "robot: of the tests\n" + default.replace("stroke_mm: [-50, 50]", "stroke_mm: [-49, 49]"), encoding="utf-8"
         )  # measured, to all appearance
-        bridge = processes.start(
+        bridge = processes.node(
             "hardware_bridge", port=board.port, homing_speed_m_s=0.02, calibration=own, silent_board=True, rested_s=600.0
         )
         bridge.says("a real port")

@@ -10,7 +10,7 @@ import pytest
 from hardware_bridge.errors import may_be_sent_again
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.processes import wait_until
 
 pytestmark = pytest.mark.ros
 
@@ -19,8 +19,8 @@ MID = [0.234] * 6
 
 @pytest.fixture
 def armed(processes, operator):
-    processes.start("virtual_prototype", "--time-scale", "8").says("ready")
-    processes.start("hardware_bridge", record=False).says("DISARMED, nothing moves")
+    processes.node("virtual_prototype", "--time-scale", "8").says("ready")
+    processes.node("hardware_bridge", record=False).says("DISARMED, nothing moves")
     answer = operator.call("bridge/arm", Arm.Request(holder="test", lifted_and_clear=True, confirmed_lengths_m=MID))
     assert answer.success, answer.message
     operator.lease = answer.lease

@@ -10,8 +10,8 @@ from action_msgs.msg import GoalStatus
 
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
-from tensegrity_lab.failures.operator import Operator
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.client import StackClient
+from tensegrity_lab.stack.processes import wait_until
 
 pytestmark = pytest.mark.ros
 NEUTRAL = [0.234] * 6
@@ -21,18 +21,18 @@ LEASE_S = 5.0  # so long that what ends a motion sooner, on a busy machine too, 
 @pytest.fixture(scope="module")
 def stack(module_processes):
     """The whole stack but for the traveller, three times as fast as life."""
-    prototype = module_processes.start("virtual_prototype", "--time-scale", "3", "--perturbation", "0", "--actuators", "ideal")
-    module_processes.start("twin")
-    module_processes.start("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
-    module_processes.start("hardware_bridge", lease_silence_s=LEASE_S)
+    prototype = module_processes.node("virtual_prototype", "--time-scale", "3", "--perturbation", "0", "--actuators", "ideal")
+    module_processes.node("twin")
+    module_processes.node("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
+    module_processes.node("hardware_bridge", lease_silence_s=LEASE_S)
     prototype.says("ready")
     return module_processes
 
 
 @pytest.fixture(scope="module")
 def stack_operator(stack, domain):
-    operator = Operator(domain)
-    operator.meets_stack()
+    operator = StackClient(domain=domain, events=True)
+    operator.wait_for_stack()
     yield operator
     operator.close()
 
@@ -47,7 +47,7 @@ def robot(stack_operator):
 
 def test_a_cancelled_roll_holds_the_struts_and_the_next_returns_to_neutral_first(robot):
     robot.arm()
-    source = robot.face.face
+    source = robot.observed.face
     target = "TO5" if source == "TC6" else "TC6"
     handle = robot.begin_roll(target)
     robot.moves(handle, 0.005)
@@ -57,8 +57,8 @@ def test_a_cancelled_roll_holds_the_struts_and_the_next_returns_to_neutral_first
     assert answer.result.reason == "cancelled; the struts hold where they are"
     robot.sees(BridgeState.HOLD)
     wait_until(lambda: _last_frame_holds(robot), 10.0, "the frame that holds")
-    wait_until(lambda: robot.twin.at_rest and robot.face.settled and robot.face.face, 20.0, "rest on a face")
-    answer = robot.end(robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6"))
+    wait_until(lambda: robot.twin.at_rest and robot.observed.settled and robot.observed.face, 20.0, "rest on a face")
+    answer = robot.end(robot.begin_roll("TO5" if robot.observed.face == "TC6" else "TC6"))
     phases = [phase for phase in robot.feedback if phase != "rehearsing"]
     assert phases[0].endswith("neutral lengths"), robot.feedback
     assert answer.result.success, answer.result.reason
@@ -73,7 +73,7 @@ def _last_frame_holds(robot) -> bool:
 
 def test_stop_fails_the_running_roll_and_latches(robot):
     robot.arm()
-    handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
+    handle = robot.begin_roll("TO5" if robot.observed.face == "TC6" else "TC6")
     robot.moves(handle, 0.002)
     assert robot.trigger("stop").success
     answer = robot.end(handle)
@@ -90,27 +90,27 @@ def test_stop_fails_the_running_roll_and_latches(robot):
 
 def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):
     robot.arm()
-    handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
+    handle = robot.begin_roll("TO5" if robot.observed.face == "TC6" else "TC6")
     robot.moves(handle, 0.002)
     planner = next(process for process in stack._started if process.name == "gait_planner")
     planner.signal(signal.SIGTERM)
     wait_until(lambda: robot.bridge.state == BridgeState.HOLD, LEASE_S - 1.0, "HOLD before the lease falls silent")
     assert robot.bridge.reason == "cancelled by its commander"
     assert planner.ends() == 0
-    stack.start("gait_planner", settle_timeout_s=200.0).says("library robust")
+    stack.node("gait_planner", settle_timeout_s=200.0).says("library robust")
     wait_until(lambda: not robot.bridge.lease_holder, 20.0, "the end of a lease that nobody gave back")
 
 
 def test_a_roll_of_a_bridge_that_died_ends_with_the_reason(stack, robot):
     robot.arm()
-    handle = robot.begin_roll("TO5" if robot.face.face == "TC6" else "TC6")
+    handle = robot.begin_roll("TO5" if robot.observed.face == "TC6" else "TC6")
     robot.moves(handle, 0.002)
     bridge = next(process for process in stack._started if process.name == "hardware_bridge")
     bridge.kill()
     answer = robot.end(handle)
     assert answer.status == GoalStatus.STATUS_ABORTED
     assert "the hardware bridge is silent" in answer.result.reason
-    again = stack.start("hardware_bridge")
+    again = stack.node("hardware_bridge")
     again.says("DISARMED, nothing moves")
     again.says("messages of a session that was cut short")
     wait_until(lambda: robot.bridge.state == BridgeState.DISARMED and robot.bridge.robot_time_ns > 0, 20.0, "the new bridge")

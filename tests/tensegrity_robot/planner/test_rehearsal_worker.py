@@ -7,7 +7,7 @@ import pytest
 
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.processes import wait_until
 
 pytestmark = pytest.mark.ros
 
@@ -15,17 +15,17 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def robot(processes, domain):
     """A robot without errors, and a planner that expects the worst: steep ground and ill-made robots, and wants certainty."""
-    from tensegrity_lab.failures.operator import Operator
+    from tensegrity_lab.stack.client import StackClient
 
-    prototype = processes.start("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
-    processes.start("twin")
-    processes.start(
+    prototype = processes.node("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
+    processes.node("twin")
+    processes.node(
         "gait_planner", settle_timeout_s=200.0, rehearse_scale=0.3, rehearse_incline_deg=12.0, least_odds=1.0, rehearse_members=8
     )
-    processes.start("hardware_bridge")
+    processes.node("hardware_bridge")
     prototype.says("ready")
-    operator = Operator(domain)
-    operator.meets_stack()
+    operator = StackClient(domain=domain, events=True)
+    operator.wait_for_stack()
     yield operator
     operator.call("disarm", Disarm.Request())
     operator.close()
@@ -51,4 +51,4 @@ def test_an_unlikely_roll_is_refused_with_its_odds_and_rolls_only_if_told_to(rob
 
     assert robot.roll("TO5", anyway=True).success
     assert "rehearsing" in robot.feedback
-    wait_until(lambda: robot.face.face == "TO5", 10.0, "the observer's word")
+    wait_until(lambda: robot.observed.face == "TO5", 10.0, "the observer's word")

@@ -11,7 +11,7 @@ from rclpy.qos import DurabilityPolicy, QoSProfile, qos_profile_sensor_data
 
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, SetFace
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.processes import wait_until
 from tests.tensegrity_robot.stack.test_viewers import viewed_topics
 
 pytestmark = pytest.mark.ros
@@ -34,21 +34,21 @@ def published(node, kinds):
 @pytest.fixture(scope="module")
 def stack(module_processes):
     """The whole stack on a virtual prototype without errors of its own, twelve times as fast as life."""
-    prototype = module_processes.start("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
-    module_processes.start("twin")
-    module_processes.start("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
-    module_processes.start("traveller")
-    module_processes.start("hardware_bridge")
+    prototype = module_processes.node("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
+    module_processes.node("twin")
+    module_processes.node("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
+    module_processes.node("traveller")
+    module_processes.node("hardware_bridge")
     prototype.says("ready")
     return module_processes
 
 
 @pytest.fixture(scope="module")
 def stack_operator(stack, domain):
-    from tensegrity_lab.failures.operator import Operator
+    from tensegrity_lab.stack.client import StackClient
 
-    operator = Operator(domain)
-    operator.meets_stack()
+    operator = StackClient(domain=domain, events=True)
+    operator.wait_for_stack()
     yield operator
     operator.close()
 
@@ -79,7 +79,7 @@ def test_arming_needs_the_operators_word(robot):
 
 def test_a_whole_roll_is_seen_to_land_and_the_next_starts_where_it_ended(robot):
     robot.arm()
-    source = robot.face.face
+    source = robot.observed.face
     target, back = ("TO5", "TC6") if source == "TC6" else ("TC6", "TO5")
     handle = robot.begin_roll(target)
     second = robot.begin_roll(target)
@@ -112,7 +112,7 @@ def test_a_whole_roll_is_seen_to_land_and_the_next_starts_where_it_ended(robot):
 )
 def test_an_impossible_roll_is_refused_naming_what_is_valid(robot, goal, why):
     robot.arm()
-    wait_until(lambda: robot.face.face == "TC6", 10.0, "TC6")
+    wait_until(lambda: robot.observed.face == "TC6", 10.0, "TC6")
     began = robot.now_ns()
     answer = robot.end(robot.begin_roll(**goal))
     assert answer.status == GoalStatus.STATUS_ABORTED
@@ -127,7 +127,7 @@ def test_a_command_without_the_lease_is_refused(robot):
     began = robot.now_ns()
     guessed = robot.move((1.0, [0.240] * 6), lease="0123456789abcdef")
     assert not guessed.success
-    assert guessed.reason == "this lease is refused: test holds another one"
+    assert guessed.reason == "this lease is refused: operator holds another one"
     assert not robot.wrote_since(began)
 
 
@@ -203,8 +203,8 @@ def test_a_twin_that_is_started_again_joins_where_the_robot_stands(stack, robot)
     (first,) = digests
     twin = next(process for process in stack._started if process.name == "twin")
     twin.kill()
-    stack.start("twin").says("the event stream begins")
+    stack.node("twin").says("the event stream begins")
     wait_until(lambda: any(seq > first for seq in digests), 30.0, "a twin that joined late")
     late = digests[max(digests)]
-    assert late.detail.startswith(f"began on {robot.face.face}")
+    assert late.detail.startswith(f"began on {robot.observed.face}")
     assert late.first_seq > first

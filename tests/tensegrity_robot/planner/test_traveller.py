@@ -12,8 +12,9 @@ from rclpy.action import ActionClient
 from tensegrity_interfaces.action import Travel
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
-from tensegrity_lab.failures.operator import LATCHED, Operator
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.client import StackClient
+from tensegrity_lab.stack.processes import wait_until
+from tensegrity_robot.ros import qos
 
 pytestmark = pytest.mark.ros
 LIMIT_S = 120.0
@@ -30,7 +31,7 @@ class Client:
         self.operator = operator
         self.feedback, self.paths = [], []
         self._travels = ActionClient(operator.node, Travel, "travel")
-        operator.node.create_subscription(Path, "travel/path", lambda m: self.paths.append(len(m.poses)), LATCHED)
+        operator.node.create_subscription(Path, "travel/path", lambda m: self.paths.append(len(m.poses)), qos.LATCHED)
         self.goals = operator.node.create_publisher(PoseStamped, "goal_pose", 10)
 
     def begin(self, x, y, frame="odom", **more):
@@ -66,14 +67,14 @@ def pose(x, y, frame="odom"):
 
 @pytest.fixture(scope="module")
 def client(module_processes, domain):
-    prototype = module_processes.start("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
-    module_processes.start("twin")
-    module_processes.start("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
-    traveller = module_processes.start("traveller")
-    module_processes.start("hardware_bridge")
+    prototype = module_processes.node("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
+    module_processes.node("twin")
+    module_processes.node("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
+    traveller = module_processes.node("traveller")
+    module_processes.node("hardware_bridge")
     prototype.says("ready")
-    operator = Operator(domain)
-    operator.meets_stack()
+    operator = StackClient(domain=domain, events=True)
+    operator.wait_for_stack()
     client = Client(operator)
     client.traveller = traveller
     yield client
@@ -114,7 +115,7 @@ def test_it_rolls_to_a_place_and_tells_how(armed):
     assert answer.status == GoalStatus.STATUS_SUCCEEDED, result.reason
     assert result.left_m <= 0.08
     assert result.rolls == len(result.face_sequence) - 1 >= 1
-    assert result.face_sequence[-1] == armed.operator.face.face
+    assert result.face_sequence[-1] == armed.operator.observed.face
     assert 0.0 < result.straight_m - result.left_m <= result.path_m
     assert any("rolling to" in told.phase for told in armed.feedback)
     assert max(armed.paths) >= 2, "the way was shown"

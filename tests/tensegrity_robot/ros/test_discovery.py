@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.processes import wait_until
 from tensegrity_robot.ros.discovery import PROFILES, RANGE, TRANSPORTS, discovery_changes, loopback_profile
 
 PROFILE = Path(__file__)  # any file that exists
@@ -57,16 +57,16 @@ def addresses(pid: int) -> set[str]:
 
 @pytest.mark.ros
 def test_no_node_has_a_socket_on_any_other_interface(processes, operator):
-    processes.start("virtual_prototype", "--time-scale", "10").says("ready")
-    nodes = [processes.start(name) for name in ("hardware_bridge", "twin", "gait_planner")]
-    operator.meets_stack()
+    processes.node("virtual_prototype", "--time-scale", "10").says("ready")
+    nodes = [processes.node(name) for name in ("hardware_bridge", "twin", "gait_planner")]
+    operator.wait_for_stack()
     for node in nodes:
         assert addresses(node.pid) == {"127.0.0.1"}, node.name
 
 
 @pytest.mark.ros
 def test_a_wider_network_is_a_choice(processes):
-    node = processes.start("hardware_bridge", environ={RANGE: "SUBNET"})
+    node = processes.node("hardware_bridge", environ={RANGE: "SUBNET"})
     node.says("virtual_prototype")
     wait_until(lambda: "0.0.0.0" in addresses(node.pid), 10.0, "sockets on every interface")
 

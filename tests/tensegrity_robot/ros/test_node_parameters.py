@@ -43,6 +43,6 @@ def test_a_parameter_file_holds_every_parameter_with_its_default(node):
 @pytest.mark.parametrize("node", NODES)
 def test_a_node_starts_with_its_parameter_file(node, processes):
     words = ("--ros-args", "--params-file", str(CONFIG / f"{node}.yaml"))
-    process = processes.start(node, *words)
+    process = processes.node(node, *words)
     process.says(SAYS[node])
     assert processes.stop() == {node: 0}

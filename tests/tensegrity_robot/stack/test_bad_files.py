@@ -28,7 +28,7 @@ def bad(request, tmp_path_factory):
 def test_a_node_that_is_given_a_bad_library_ends_with_one_line(processes, bad, node, tmp_path):
     file, told = bad
     more = {"port": "/dev/null", "bag_folder": str(tmp_path)} if node == "hardware_bridge" else {}
-    process = processes.start(node, library=str(file), **more)
+    process = processes.node(node, library=str(file), **more)
     assert process.ends() == 1
     assert "Traceback" not in process.output
     assert sum(told in line for line in process.output.splitlines()) == 1

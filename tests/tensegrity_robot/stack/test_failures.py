@@ -5,10 +5,9 @@ from __future__ import annotations
 
 import pytest
 
-from tensegrity_lab.failures.page import DOCS_PAGE, page_rows
-from tensegrity_lab.failures.rig import Lab, scratch
-from tensegrity_lab.failures.scenario import shape_of
+from tensegrity_lab.failures.rig import Rig, scratch
 from tensegrity_lab.failures.table import RUNNING_ORDER, SCENARIOS, scenario
+from tests.tensegrity_lab.failures.documented import DOCS_PAGE, page_rows, shape_of
 
 pytestmark = pytest.mark.ros
 
@@ -18,7 +17,7 @@ def lab(domain):
     from pathlib import Path
 
     with scratch() as folder:
-        lab = Lab(Path(folder), domain)
+        lab = Rig(Path(folder), domain)
         yield lab
         lab.close()
 

@@ -17,7 +17,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, FaceGraph
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.processes import wait_until
 
 pytestmark = pytest.mark.ros
 
@@ -33,7 +33,7 @@ def real_port():
 
 
 def test_all_start_with_no_argument_and_the_bridge_waits_for_a_prototype(processes, operator):
-    bridge, twin, planner = (processes.start(name) for name in ("hardware_bridge", "twin", "gait_planner"))
+    bridge, twin, planner = (processes.node(name) for name in ("hardware_bridge", "twin", "gait_planner"))
     bridge.says("start one with `ros2 run tensegrity_robot virtual_prototype`")
     twin.says("stands on TC6")
     planner.says("library robust")
@@ -45,9 +45,9 @@ def test_all_start_with_no_argument_and_the_bridge_waits_for_a_prototype(process
     _shows_the_face_graph(operator)
     assert "ros2 run tensegrity_robot virtual_prototype" in refused.reason
 
-    processes.start("virtual_prototype", "--time-scale", "10")
+    processes.node("virtual_prototype", "--time-scale", "10")
     bridge.says("DISARMED, nothing moves")
-    operator.meets_stack()
+    operator.wait_for_stack()
     assert operator.bridge.virtual_port
     assert operator.bridge.time_scale == 10.0
     assert bridge.output.count("ros2 run tensegrity_robot virtual_prototype") == 1
@@ -85,7 +85,7 @@ def one_line_error(process) -> str:
 @pytest.mark.parametrize("copied", [False, True])
 def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(processes, operator, real_port, copied):
     unedited = files("hardware_bridge") / "data" / "calibration_default.yaml"
-    processes.start("hardware_bridge", port=real_port, **({"calibration": unedited} if copied else {}))
+    processes.node("hardware_bridge", port=real_port, **({"calibration": unedited} if copied else {}))
     answer = operator.call("bridge/arm", Arm.Request(lifted_and_clear=True, confirmed_lengths_m=[0.234] * 6))
     assert not answer.success
     assert "the calibration is the virtual prototype's: measure the robot's own" in answer.message
@@ -95,7 +95,7 @@ def test_a_silent_board_and_a_nameless_robot_are_told_and_not_armed(processes, o
     text = (files("hardware_bridge") / "data" / "calibration_default.yaml").read_text(encoding="utf-8")
     own = processes.folder / "own.yaml"
     own.write_text(text.replace("stroke_mm: [-50, 50]", "stroke_mm: [-49, 49]"), encoding="utf-8")
-    bridge = processes.start("hardware_bridge", port=real_port, calibration=own)
+    bridge = processes.node("hardware_bridge", port=real_port, calibration=own)
     bridge.says("a robot without a name, calibration")
     bridge.says(f'add a line such as robot: "blue one" to {own}')
     answer = operator.call("bridge/arm", Arm.Request(lifted_and_clear=True, confirmed_lengths_m=[0.234] * 6))
@@ -105,13 +105,13 @@ def test_a_silent_board_and_a_nameless_robot_are_told_and_not_armed(processes, o
 
 
 def test_a_real_port_has_no_time_scale(processes, real_port):
-    error = one_line_error(processes.start("hardware_bridge", port=real_port, time_scale=2.0))
+    error = one_line_error(processes.node("hardware_bridge", port=real_port, time_scale=2.0))
     assert "valid is 1 only" in error
 
 
 def test_another_board_than_the_virtual_prototypes_is_a_one_line_error(processes):
-    processes.start("virtual_prototype", "--board", "maestro:crc").says("ready")
-    error = one_line_error(processes.start("hardware_bridge", board="ssc32"))
+    processes.node("virtual_prototype", "--board", "maestro:crc").says("ready")
+    error = one_line_error(processes.node("hardware_bridge", board="ssc32"))
     assert "board is ssc32, but the virtual prototype at" in error
     assert "is for maestro:crc; set the board to maestro:crc" in error
 
@@ -132,23 +132,23 @@ def test_another_board_than_the_virtual_prototypes_is_a_one_line_error(processes
     ],
 )
 def test_a_bad_parameter_is_a_one_line_error(processes, node, parameters, why):
-    assert why in one_line_error(processes.start(node, **parameters))
+    assert why in one_line_error(processes.node(node, **parameters))
 
 
 def test_the_bridge_goes_through_its_life_by_lifecycle_calls(processes, operator):
-    processes.start("virtual_prototype", "--time-scale", "10").says("ready")
-    processes.start("hardware_bridge", autostart=False)
+    processes.node("virtual_prototype", "--time-scale", "10").says("ready")
+    processes.node("hardware_bridge", autostart=False)
     change = operator.node.create_client(ChangeState, "hardware_bridge/change_state")
     get = operator.node.create_client(GetState, "hardware_bridge/get_state")
     wait_until(lambda: change.service_is_ready() and get.service_is_ready(), 30.0, "lifecycle services")
 
     def state() -> int:
-        return operator._result(get.call_async(GetState.Request()), "get_state").current_state.id
+        return operator.result(get.call_async(GetState.Request()), "get_state").current_state.id
 
     def go(transition: int) -> bool:
         request = ChangeState.Request()
         request.transition.id = transition
-        return operator._result(change.call_async(request), "change_state").success
+        return operator.result(change.call_async(request), "change_state").success
 
     assert state() == State.PRIMARY_STATE_UNCONFIGURED
     assert go(1)
@@ -165,7 +165,7 @@ def test_the_bridge_goes_through_its_life_by_lifecycle_calls(processes, operator
 
 
 def test_a_standalone_twin_is_a_robot_that_takes_commands(processes, operator):
-    twin = processes.start("twin", mode="standalone", time_scale=5.0, rate_hz=50.0, start_face="TO1")
+    twin = processes.node("twin", mode="standalone", time_scale=5.0, rate_hz=50.0, start_face="TO1")
     lengths: list[list[float]] = []
     operator.node.create_subscription(JointState, "twin/joint_states", lambda m: lengths.append(list(m.position)), 10)
     command = operator.node.create_publisher(JointTrajectory, "twin/command", 10)

@@ -60,9 +60,9 @@ def test_a_twin_tells_when_its_first_state_was_out(tmp_path, domain, monkeypatch
 
 def test_a_twin_that_has_to_compile_says_so_once(processes, tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
-    first = processes.start("twin")
+    first = processes.node("twin")
     first.says("first state published")
     assert "compiling the solver" in first.output
-    second = processes.start("twin")
+    second = processes.node("twin")
     second.says("first state published")
     assert "compiling the solver" not in second.output

@@ -14,7 +14,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from tensegrity_interfaces.msg import StrutsSent, TwinState
-from tensegrity_lab.failures.processes import wait_until
+from tensegrity_lab.stack.processes import wait_until
 from tensegrity_robot.ros import qos
 
 pytestmark = pytest.mark.ros
@@ -77,7 +77,7 @@ def bridge(domain):
 
 
 def test_a_twin_follows_its_bridge_through_forged_events_and_ends_when_told(processes, bridge):
-    twin = processes.start("twin")
+    twin = processes.node("twin")
     wait_until(lambda: bridge.follows(0), 30.0, "a twin that follows")
     assert bridge.last.session == "live"
     bridge.forge(robot_time_ns=2**62, session="")
@@ -98,7 +98,7 @@ def test_a_twin_follows_its_bridge_through_forged_events_and_ends_when_told(proc
 
 
 def test_a_twin_that_slept_while_its_bridge_went_on_catches_up(processes, bridge):
-    twin = processes.start("twin")
+    twin = processes.node("twin")
     wait_until(lambda: bridge.follows(0), 30.0, "a twin that follows")
     first = bridge.last.first_seq
     twin.signal(signal.SIGSTOP)

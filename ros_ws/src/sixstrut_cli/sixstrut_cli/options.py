@@ -10,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from hardware_bridge.boards.names import SERVO_BOARD
+
 MOST_PERTURBATION = 0.3
 """`sim_core.uncertainty.seeded_perturbation.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
 
@@ -33,7 +35,7 @@ PerturbationOption = Annotated[
 ]
 InclineOption = Annotated[float, typer.Option("--incline", min=0.0, max=MOST_INCLINE_DEG, help="Of its ground, in degrees.")]
 TimeScaleOption = Annotated[float, typer.Option("--time-scale", min=0.01, max=100.0, help="Its robot seconds per second.")]
-BoardOption = Annotated[str, typer.Option("--board", help="Its servo board: lsc, ssc32, maestro, maestro:crc.")]
+BoardOption = Annotated[str, typer.Option("--board", help=f"{SERVO_BOARD.capitalize()}.")]
 ActuatorsOption = Annotated[str, typer.Option("--actuators", help="Its actuators: ideal, stand-in, or a YAML file.")]
 DomainOption = Annotated[
     int | None,

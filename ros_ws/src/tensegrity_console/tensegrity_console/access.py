@@ -14,7 +14,6 @@ import os
 import re
 import secrets
 import socket
-import stat
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -27,10 +26,13 @@ import tornado.netutil
 import tornado.web
 import tornado.websocket
 
+from sim_core.errors import FileError
+from sim_core.files.bounded_reader import read_bytes
 from tensegrity_lab.errors import ConsoleError
 
 TOKEN_VARIABLE = "SIXSTRUT_TOKEN"
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
+MOST_TOKEN = 1024
 VALID = "valid are 16 to 128 letters, digits, - and _"
 MOST_UNSENT = 4 * 1024 * 1024
 """Bytes that wait for one page; it is let go when there are more."""
@@ -68,18 +70,11 @@ def chosen_token(file: Path | None) -> str:
 
 def _read(file: Path) -> str:
     try:
-        descriptor = os.open(file, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        return read_bytes(file, MOST_TOKEN, owners=(os.geteuid(),), hidden=True).decode("ascii", "replace").strip()
     except OSError as error:
         raise ConsoleError(f"--token-file {file}: {error.strerror}; give a file of yours that holds the token") from error
-    try:
-        found = os.fstat(descriptor)
-        if not stat.S_ISREG(found.st_mode):
-            raise ConsoleError(f"--token-file {file} is no regular file: give a file of yours that holds the token")
-        if found.st_uid != os.geteuid() or found.st_mode & 0o077:
-            raise ConsoleError(f"--token-file {file} can be read or changed by others: chmod 600 it, as its owner")
-        return os.read(descriptor, 1024).decode("ascii", "replace").strip()
-    finally:
-        os.close(descriptor)
+    except FileError as error:
+        raise ConsoleError(f"--token-file {file}: {error.problem}; {error.remedy}") from error
 
 
 def refuse_on_command_line(value: str | None) -> None:
@@ -198,24 +193,6 @@ class GuardedSocket(tornado.websocket.WebSocketHandler, Guarded):
             future.exception()  # it went meanwhile: nobody is left to be told
 
         written.add_done_callback(over)
-
-
-class RateLimit:
-    """How often something may happen: so many at once, and so many a second."""
-
-    def __init__(self, at_once: float, per_s: float):
-        self._most, self._per_s = at_once, per_s
-        self._left, self._looked = at_once, time.monotonic()
-
-    def allows(self) -> bool:
-        """Whether one more is within it."""
-        now = time.monotonic()
-        self._left = min(self._most, self._left + self._per_s * (now - self._looked))
-        self._looked = now
-        if self._left < 1.0:
-            return False
-        self._left -= 1.0
-        return True
 
 
 class _Elsewhere(Guarded):

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from hardware_bridge.errors import BridgeError
 
 
@@ -20,3 +22,10 @@ class SessionError(BridgeError):
 
 class ConsoleError(BridgeError):
     """A console that cannot be opened as asked."""
+
+
+def granted(answer: Any, what: str) -> Any:
+    """The answer of a service. Raises StackError with its reason: it was refused. Args: what: is said before the reason."""
+    if not answer.success:
+        raise StackError(f"{what}: {answer.message}")
+    return answer

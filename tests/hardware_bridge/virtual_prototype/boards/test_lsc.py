@@ -3,7 +3,7 @@ from __future__ import annotations
 
 import pytest
 
-from hardware_bridge.boards.lsc import encode_frame, encode_move, encode_unload
+from hardware_bridge.boards.lsc import CMD_UNLOAD, encode_frame, encode_move
 from hardware_bridge.virtual_prototype.boards.lsc import EmulatedLsc
 from hardware_bridge.virtual_prototype.boards.pulse_outputs import Off, Order, Timed
 
@@ -19,7 +19,7 @@ def orders_of(data: bytes) -> list[Order]:
 
 
 def test_an_unload_lets_go() -> None:
-    assert orders_of(encode_unload([1, 2])) == [Off((1, 2))]
+    assert orders_of(encode_frame(CMD_UNLOAD, bytes((2, 1, 2)))) == [Off((1, 2))]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import math
 import pytest
 
 from hardware_bridge.boards import maestro as m
-from hardware_bridge.boards.maestro import Maestro, mini_ssc
+from hardware_bridge.boards.maestro import SET_MULTIPLE, Maestro
 from hardware_bridge.virtual_prototype.boards.maestro import ControlCenter, EmulatedMaestro
 from hardware_bridge.virtual_prototype.boards.pulse_outputs import Outputs
 
@@ -64,7 +64,7 @@ def test_it_goes_to_a_target_at_the_channels_speed(codec: Maestro) -> None:
 @each_variant
 def test_multiple_targets_are_one_packet(codec: Maestro) -> None:
     bench = Bench(codec)
-    bench.send(codec.set_multiple(1, [1100, 1200]))
+    bench.send(codec.packet(SET_MULTIPLE, 2, 1, 0x30, 0x22, 0x40, 0x25))
     assert (bench.pulse_us(1), bench.pulse_us(2)) == (1100, 1200)
     assert bench.errors() == ()
 
@@ -161,7 +161,7 @@ def test_as_delivered_it_has_no_time_out() -> None:
 @each_variant
 def test_mini_ssc_needs_no_crc_and_spans_less(codec: Maestro) -> None:
     bench = Bench(codec)
-    bench.send(mini_ssc(1, 0) + mini_ssc(2, 127) + mini_ssc(3, 254))
+    bench.send(bytes.fromhex("FF 01 00 FF 02 7F FF 03 FE"))
     assert [bench.pulse_us(channel) for channel in (1, 2, 3)] == [1023.75, 1500.0, 1976.25]
 
 

@@ -18,8 +18,9 @@ from typing import Any, NamedTuple
 
 import tornado.ioloop
 
-from sim_core.files.printable import printable
-from tensegrity_console.access import LOOPBACK, MOST_UNSENT, Gate, GuardedSocket, RateLimit, address, listening, own_page
+from hardware_bridge.recording.bag_quota import RateLimit
+from sim_core.printable import printable
+from tensegrity_console.access import LOOPBACK, MOST_UNSENT, Gate, GuardedSocket, address, listening, own_page
 
 ENCODING = "cdr"
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")

@@ -27,7 +27,7 @@ from std_srvs.srv import Trigger
 
 from hardware_bridge.errors import SchemaError
 from hardware_bridge.recording.message_definitions import ShareSchemas
-from sim_core.files.printable import printable
+from sim_core.printable import printable
 from tensegrity_console.foxglove.foxglove_protocol import ENCODING, Half, Hub, Service, Told
 from tensegrity_interfaces.srv import Arm, Disarm
 from tensegrity_lab.errors import ConsoleError, StackError

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import tornado.ioloop
 
-from sim_core.files.printable import NAME_MOST, printable
+from sim_core.printable import NAME_MOST, printable
 from sim_core.structure.topology import FACES
 from tensegrity_console.web.floor_clicks import FARTHEST_M, Ground
 from tensegrity_console.web.ros_client import RosSide

@@ -24,15 +24,15 @@ from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
-from sim_core.files.printable import NAME_MOST, printable
+from sim_core.printable import NAME_MOST, printable
 from sim_core.twin.live_bridge import LiveBridge
 from tensegrity_console.web.state import NOWHERE, Facts, rehearsal_of
 from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, Rehearse, SetFace
 from tensegrity_lab.stack.ros_thread import Spinner
-from tensegrity_lab.trials.remote_panel import KEY_TOPIC, PANEL_TOPIC, key_text
-from tensegrity_robot.ros import qos
+from tensegrity_lab.trials.remote_panel import key_text
+from tensegrity_robot.ros import topics
 from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
 
 Answer = Callable[[bool, str], None]
@@ -65,18 +65,18 @@ class RosSide:
         self._node = node = Node("console", context=self._context)
         subscribe = self._subscribe
         self._live = live = LiveBridge(node.get_logger().warning)
-        subscribe(BridgeState, "bridge/state", self._on_bridge, qos.LATCHED)
-        subscribe(FaceObservation, "bridge/face", lambda face: live.takes(face, self._on_face), qos.FACES)
-        subscribe(FaceObservation, "twin/face", self._on_prediction, qos.FACES)
-        subscribe(TwinState, "twin/state", self._on_twin, qos.STATES)
-        subscribe(PoseArray, "twin/joints", self._on_joints, qos.STATES)
-        subscribe(PoseArray, "bridge/observed_joints", self._on_seen, qos.STATES)
-        subscribe(DiagnosticArray, "/diagnostics", self._on_diagnostics, qos.STATES)
-        subscribe(Rehearsal, "rehearsal", self._on_rehearsal, qos.LATCHED)
-        subscribe(Path, "travel/path", self._on_path, qos.LATCHED)
-        subscribe(PoseStamped, "travel/goal", self._on_goal, qos.LATCHED)
-        subscribe(String, PANEL_TOPIC, self._on_panel, qos.LATCHED)
-        self._keys = node.create_publisher(String, KEY_TOPIC, qos.STATES)
+        subscribe(topics.BRIDGE_STATE, self._on_bridge)
+        subscribe(topics.BRIDGE_FACE, lambda face: live.takes(face, self._on_face))
+        subscribe(topics.TWIN_FACE, self._on_prediction)
+        subscribe(topics.TWIN_STATE, self._on_twin)
+        subscribe(topics.TWIN_JOINTS, self._on_joints)
+        subscribe(topics.OBSERVED_JOINTS, self._on_seen)
+        subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
+        subscribe(topics.REHEARSAL, self._on_rehearsal)
+        subscribe(topics.TRAVEL_PATH, self._on_path)
+        subscribe(topics.TRAVEL_GOAL, self._on_goal)
+        subscribe(topics.TRIAL_PANEL, self._on_panel)
+        self._keys = topics.TRIAL_KEY.publisher(node)
         kinds = {"arm": Arm, "disarm": Disarm, "reset": Trigger, "set_face": SetFace, "rehearse": Rehearse}
         self._services: dict[str, Any] = {name: node.create_client(kind, name) for name, kind in kinds.items()}
         self._rolls = ActionClient(node, Roll, "roll")
@@ -97,14 +97,14 @@ class RosSide:
         self._stopper.close()
         rclpy.try_shutdown(context=self._context)
 
-    def _subscribe(self, kind: Any, topic: str, callback: Callable[[Any], None], profile: Any) -> None:
+    def _subscribe(self, topic: topics.Topic, callback: Callable[[Any], None]) -> None:
         """Listen, but take nothing apart that is larger than such a message ever is: that would hold up the stop."""
 
         def take(data: bytes) -> None:
             if len(data) <= MOST_BYTES:
-                callback(deserialize_message(data, kind))
+                callback(deserialize_message(data, topic.kind))
 
-        self._node.create_subscription(kind, topic, take, profile, raw=True)
+        topic.subscribe(self._node, take, raw=True)
 
     # ---- what is heard ----------------------------------------------------------------------------------------------
 
@@ -295,7 +295,7 @@ class RosSide:
                 self._running = None
                 setattr(self.facts, name, None)
                 self.facts.last = f"{name} failed: whoever did it has gone; look where the robot is"
-        if self.facts.trial is not None and not self._node.count_publishers(PANEL_TOPIC):
+        if self.facts.trial is not None and not self._node.count_publishers(topics.TRIAL_PANEL.name):
             self.facts.trial = None  # the session is over, or was killed
         self._keep_rehearsed()
 

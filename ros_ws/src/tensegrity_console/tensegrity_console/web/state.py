@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_core.files.printable import NAME_MOST, printable
+from sim_core.printable import NAME_MOST, printable
 
 Places = NDArray[np.float64]
 SILENT_S = 3.0

@@ -20,7 +20,8 @@ import websockets.asyncio.client
 import websockets.exceptions
 from websockets.typing import Subprotocol
 
-from tensegrity_console.access import LOOPBACK, Gate, Guarded, GuardedSocket, RateLimit, address, listening
+from hardware_bridge.recording.bag_quota import RateLimit
+from tensegrity_console.access import LOOPBACK, Gate, Guarded, GuardedSocket, address, listening
 from tensegrity_console.web.state import Page
 from tensegrity_console.web.view_messages import LONGEST, Camera, Click, for_viser, said
 

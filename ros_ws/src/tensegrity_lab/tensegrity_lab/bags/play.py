@@ -19,30 +19,21 @@ from typing import Any, NamedTuple
 import rclpy
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 
 from hardware_bridge.recording.bag_reader import Bag, BagError, Recorded, Session, read_bag
-from sim_core.files.printable import printable
+from sim_core.printable import printable
 from sim_core.twin.follower import MOST_TIME_SCALE
 from tensegrity_interfaces.msg import TwinState
 from tensegrity_lab.bags.replay import events_of, model_of
 from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.message_types import message_class
-from tensegrity_lab.stack.processes import Stack, executable, ros_arguments, wait_until
-from tensegrity_robot.ros import qos
+from tensegrity_lab.stack.processes import Stack, wait_until
 from tensegrity_robot.ros.cdr import wire_bytes
 from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.topics import TOPICS, TWIN_STATE
 
-TOLD: dict[str, QoSProfile] = {
-    "bridge/struts_sent": qos.STREAM,
-    "bridge/face": qos.FACES,
-    "bridge/state": qos.LATCHED,
-    "bridge/joint_states": qos.STATES,
-    "bridge/observed_joints": qos.STATES,
-    "bridge/asked": qos.STATES,
-    "bridge/trial": qos.FACES,
-}
+TOLD = {topic.name: topic.profile for topic in TOPICS if topic.told_by == "bridge" and not topic.name.startswith("/")}
 """Topics that are played. Not the twin's: it makes its own again."""
 STREAM = ("bridge/struts_sent", "bridge/face")
 TWIN = "twin/state"
@@ -93,15 +84,15 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
         publishers = {name: node.create_publisher(message_class(type_name), name, TOLD[name]) for name, type_name in types.items()}
         if not twin:
             return Played(_publish(due, publishers, types, rate, told), None)
-        parameters: dict[str, object] = {"start_face": start}
+        parameters: dict[str, Any] = {"start_face": start}
         if "prototype.yaml" in session.attachments:
             (folder / "prototype.yaml").write_bytes(session.attachments["prototype.yaml"])
             parameters["prototype_file"] = folder / "prototype.yaml"
         stack = closing.enter_context(Stack(folder / "logs"))
         newest: list[TwinState] = []
-        node.create_subscription(TwinState, "twin/state", lambda message: newest.__setitem__(slice(None), [message]), qos.STATES)
+        TWIN_STATE.subscribe(node, lambda message: newest.__setitem__(slice(None), [message]))
         _spin(node, closing)
-        stack.start("twin", [executable("tensegrity_robot", "twin"), *ros_arguments(parameters)])
+        stack.node("twin", **parameters)
         for name in STREAM:
             if name in publishers:
                 ready = publishers[name]

@@ -11,10 +11,11 @@ from rich.markup import escape
 from rich.table import Table
 
 from hardware_bridge.calibration.calibration_file import Unfinished, write_calibration
-from hardware_bridge.calibration.pulse_map import LONGEST_NAME, STRUTS, Calibration, StrutCalibration, load_calibration, robot_name
+from hardware_bridge.calibration.pulse_map import LONGEST_NAME, Calibration, StrutCalibration, load_calibration, robot_name
 from hardware_bridge.calibration.two_point_fit import NOMINAL_PULSE_US, Measured, check_straight, fit, pulse_at_mm
 from hardware_bridge.driver.jogger import Jogger
 from hardware_bridge.errors import CalibrationError, DutyError
+from sim_core.names import STRUT_NAMES
 from tensegrity_lab.terminal.keys import DOWN, ENTER, LEFT, PAGE_DOWN, PAGE_UP, RIGHT, UP, pressed
 
 Seen = Callable[[str], float | None]
@@ -90,7 +91,7 @@ class Walk:
             done.save()
         elif done.struts:
             self._say(f"Done already: {', '.join(done.struts)}; going on from {done.path}.")
-        for name in STRUTS:
+        for name in STRUT_NAMES:
             while name not in done.struts:
                 try:
                     done.struts[name] = self._strut(name, 1e3 * done.mid_stroke_length_m)
@@ -111,10 +112,10 @@ class Walk:
             self._jogger.require_rest(0)
 
     def _go(self, name: str, channel: int, pulse_us: int) -> int:
-        return self._jogger.go(STRUTS.index(name), channel, pulse_us)
+        return self._jogger.go(STRUT_NAMES.index(name), channel, pulse_us)
 
     def _strut(self, name: str, mid_mm: float) -> StrutCalibration:
-        self._say(f"\n[bold]{name}[/], strut {STRUTS.index(name) + 1} of {len(STRUTS)}")
+        self._say(f"\n[bold]{name}[/], strut {STRUT_NAMES.index(name) + 1} of {len(STRUT_NAMES)}")
         channel = self._channel(name)
         known = self._jogger.pulse_us(channel)
         pulse = NOMINAL_PULSE_US if known is None else known
@@ -137,7 +138,7 @@ class Walk:
     def _channel(self, name: str) -> int:
         taken = {strut.channel: other for other, strut in self._unfinished.struts.items()}
         while True:
-            channel = round(self._number(f"Channel of {name} on the board", STRUTS.index(name) + 1))
+            channel = round(self._number(f"Channel of {name} on the board", STRUT_NAMES.index(name) + 1))
             if channel not in taken:
                 return channel
             self._say(f"[red]Channel {channel} is {taken[channel]}'s; give each strut its own.[/]")

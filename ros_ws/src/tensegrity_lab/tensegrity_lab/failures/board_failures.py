@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hardware_bridge.boards.names import BOARDS
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.prototype_client.fault_client import TO_BOARD
 from hardware_bridge.prototype_client.handshake import observer_path
@@ -17,11 +18,10 @@ from hardware_bridge.prototype_client.observation import Observation
 from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.topology import STRUTS as STRUT_ENDS
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.failures.processes import wait_until
-from tensegrity_lab.failures.rig import MID, Lab, Setup, stretched
+from tensegrity_lab.failures.rig import MID, Rig, Setup, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import wait_until
 
-BOARDS = ("lsc", "ssc32", "maestro")
 DEATHS = 2
 SPEED_M_S = 0.014
 """A little less than a gait's, so that ideal actuators do not lag: a lagging one also goes on to where it was last sent."""
@@ -49,7 +49,7 @@ class BoardFacts:
 
 
 @contextmanager
-def watching(lab: Lab) -> Iterator[list[tuple[float, float]]]:
+def watching(lab: Rig) -> Iterator[list[tuple[float, float]]]:
     """A list that grows by (the prototype's robot time in s, length of S1 in m) with every observation."""
     first, second = STRUT_ENDS[0]
     seen: list[tuple[float, float]] = []
@@ -66,7 +66,7 @@ def watching(lab: Lab) -> Iterator[list[tuple[float, float]]]:
         client.close()
 
 
-def residual_mm(lab: Lab) -> float:
+def residual_mm(lab: Rig) -> float:
     """How far S1 still goes after the link has died in mid-motion."""
     operator = lab.operator
     lease = lab.arm()
@@ -84,7 +84,7 @@ def residual_mm(lab: Lab) -> float:
     return (seen[-1][1] - at_death_m) * 1e3
 
 
-def facts_of(lab: Lab, board: str) -> BoardFacts:
+def facts_of(lab: Rig, board: str) -> BoardFacts:
     """Everything about one board."""
     operator = lab.use(Setup(board=board, time_scale=4.0))
     residuals = tuple(residual_mm(lab) for _ in range(DEATHS))
@@ -107,12 +107,12 @@ def facts_of(lab: Lab, board: str) -> BoardFacts:
     return BoardFacts(residuals, noticed_s, told, known)
 
 
-def all_facts(lab: Lab) -> dict[str, BoardFacts]:
+def all_facts(lab: Rig) -> dict[str, BoardFacts]:
     """Of all boards, found once for both rows."""
     return lab.remember("boards", lambda: {board: facts_of(lab, board) for board in BOARDS})
 
 
-def link_dies(lab: Lab) -> Evidence:
+def link_dies(lab: Rig) -> Evidence:
     """Row 3."""
     evidence = Evidence()
     for board, facts in all_facts(lab).items():
@@ -130,7 +130,7 @@ def link_dies(lab: Lab) -> Evidence:
     return evidence
 
 
-def board_resets(lab: Lab) -> Evidence:
+def board_resets(lab: Rig) -> Evidence:
     """Row 8."""
     evidence = Evidence()
     for board, facts in all_facts(lab).items():

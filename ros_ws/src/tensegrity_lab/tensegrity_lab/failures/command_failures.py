@@ -17,9 +17,9 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
 from tensegrity_lab.failures.link_failures import last_line
-from tensegrity_lab.failures.processes import wait_until
-from tensegrity_lab.failures.rig import MID, STRUTS, Lab, percentile, stretched
+from tensegrity_lab.failures.rig import MID, STRUTS, Rig, percentile, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import wait_until
 
 STOP_LIMIT_MS = 50.0
 STOPS = 10
@@ -38,7 +38,7 @@ BAD_MOTIONS: tuple[tuple[list[tuple[float, list[float]]], dict[str, object], str
 """Knots, more words, and why they are refused."""
 
 
-def silent_commander(lab: Lab) -> Evidence:
+def silent_commander(lab: Rig) -> Evidence:
     """Row 6."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -54,7 +54,7 @@ def silent_commander(lab: Lab) -> Evidence:
     return evidence
 
 
-def bad_motions(lab: Lab) -> Evidence:
+def bad_motions(lab: Rig) -> Evidence:
     """Row 7."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -69,12 +69,12 @@ def bad_motions(lab: Lab) -> Evidence:
     return evidence
 
 
-def second_ones(lab: Lab) -> Evidence:
+def second_ones(lab: Rig) -> Evidence:
     """Row 9."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
     lease = lab.arm("first")
-    elsewhere = lab.processes.start("hardware_bridge", "--ros-args", "-r", "__ns:=/another")
+    elsewhere = lab.processes.node("hardware_bridge", "--ros-args", "-r", "__ns:=/another")
     evidence.says(last_line(elsewhere, 1), "another bridge drives robot")
     try:
         serial.Serial(str(lab.link), exclusive=True).close()
@@ -92,12 +92,12 @@ def second_ones(lab: Lab) -> Evidence:
     return evidence
 
 
-def other_clocks(lab: Lab) -> Evidence:
+def other_clocks(lab: Rig) -> Evidence:
     """Row 10."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
     lab.end_bridge()
-    evidence.says(last_line(lab.processes.start("hardware_bridge", use_sim_time=True), 1), "use_sim_time is true")
+    evidence.says(last_line(lab.processes.node("hardware_bridge", use_sim_time=True), 1), "use_sim_time is true")
     lab.start_bridge()
     clock = operator.node.create_publisher(ClockMessage, "/clock", 10)
     seconds = [1e6]
@@ -132,7 +132,7 @@ while run(["rehearse", "--from", "TC6"]) == 0:
 
 
 @contextmanager
-def rehearsing(lab: Lab) -> Iterator[None]:
+def rehearsing(lab: Rig) -> Iterator[None]:
     """Rehearsals one after the other, on all cores, while the block lasts; it begins after the first."""
     log = lab.folder / "rehearsal.log"
     with log.open("w") as output:
@@ -153,7 +153,7 @@ def rehearsing(lab: Lab) -> Iterator[None]:
         child.wait()
 
 
-def stop_times_ms(lab: Lab, count: int) -> list[float]:
+def stop_times_ms(lab: Rig, count: int) -> list[float]:
     """For so many stops in mid-motion: from the call until the last bytes that could move anything were handed over, in ms."""
     operator = lab.operator
     times_ms = []
@@ -174,7 +174,7 @@ def stop_times_ms(lab: Lab, count: int) -> list[float]:
     return times_ms
 
 
-def stop_pressed(lab: Lab) -> Evidence:
+def stop_pressed(lab: Rig) -> Evidence:
     """Row 14."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -195,7 +195,7 @@ def stop_pressed(lab: Lab) -> Evidence:
     return evidence
 
 
-def spent_actuators(lab: Lab) -> Evidence:
+def spent_actuators(lab: Rig) -> Evidence:
     """Row 15."""
     evidence = Evidence()
     operator = lab.use(STRUTS, duty_fraction=0.05, duty_window_s=60.0)

@@ -19,6 +19,7 @@ from rclpy.qos import QoSProfile
 from rclpy.serialization import serialize_message
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from sim_core.names import STRUT_NAMES
 from tensegrity_interfaces.action import ExecuteStruts
 from tensegrity_lab.stack.message_types import message_class
 
@@ -46,7 +47,7 @@ def send_points(count: int) -> None:
     if not client.wait_for_server(LATE_S):
         sys.exit("nobody offers execute_struts")
     points = [JointTrajectoryPoint(positions=[0.234] * 6)] * count
-    goal = ExecuteStruts.Goal(trajectory=JointTrajectory(joint_names=[f"S{n}" for n in range(1, 7)], points=points))
+    goal = ExecuteStruts.Goal(trajectory=JointTrajectory(joint_names=STRUT_NAMES, points=points))
     print("flooding", flush=True)
     sent = client.send_goal_async(goal)
     rclpy.spin_until_future_complete(node, sent)

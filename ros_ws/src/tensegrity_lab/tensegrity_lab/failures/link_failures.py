@@ -12,9 +12,9 @@ import serial
 
 from hardware_bridge.prototype_client.fault_client import FROM_BOARD, TO_BOARD
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.failures.processes import Process, wait_until
-from tensegrity_lab.failures.rig import MID, ROLLING, STRUTS, Lab, stretched
+from tensegrity_lab.failures.rig import MID, ROLLING, STRUTS, Rig, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import Process, wait_until
 
 START_LIMIT_S = 20.0
 LOST_LIMIT_S = 10.0
@@ -28,16 +28,14 @@ def last_line(process: Process, code: int, limit_s: float = START_LIMIT_S) -> st
     return lines[0]
 
 
-def bad_port(lab: Lab) -> Evidence:
+def bad_port(lab: Rig) -> Evidence:
     """Row 1."""
     evidence = Evidence()
     near, far = os.openpty()
     tty.setraw(far)
     taken = serial.Serial(os.ttyname(far), exclusive=True)
     try:
-        started = [
-            lab.processes.start("hardware_bridge", port=port) for port in ("/dev/nothing_here", os.ttyname(far), "/dev/null")
-        ]
+        started = [lab.processes.node("hardware_bridge", port=port) for port in ("/dev/nothing_here", os.ttyname(far), "/dev/null")]
         wanted = ("does not exist; start the virtual prototype", "is in use; stop the other program", "is no serial port")
         for process, part in zip(started, wanted, strict=True):
             evidence.says(last_line(process, 1), "error: port ", part)
@@ -48,7 +46,7 @@ def bad_port(lab: Lab) -> Evidence:
     return evidence
 
 
-def lost_in_mid_gait(lab: Lab) -> Evidence:
+def lost_in_mid_gait(lab: Rig) -> Evidence:
     """Row 2."""
     evidence = Evidence()
     operator = lab.use(ROLLING)
@@ -75,7 +73,7 @@ def lost_in_mid_gait(lab: Lab) -> Evidence:
     return evidence
 
 
-def cut_and_blocked(lab: Lab) -> Evidence:
+def cut_and_blocked(lab: Rig) -> Evidence:
     """Row 4."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -99,7 +97,7 @@ def cut_and_blocked(lab: Lab) -> Evidence:
     return evidence
 
 
-def garbled_answers(lab: Lab) -> Evidence:
+def garbled_answers(lab: Rig) -> Evidence:
     """Row 5."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -130,7 +128,7 @@ def garbled_answers(lab: Lab) -> Evidence:
     return evidence
 
 
-def slow_link(lab: Lab) -> Evidence:
+def slow_link(lab: Rig) -> Evidence:
     """Row 16."""
     evidence = Evidence()
     operator = lab.use(STRUTS)

@@ -1,16 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""docs/results/failures.md: written from what the scenarios saw, and read back by the tests."""
+"""docs/results/failures.md, written from what the scenarios saw."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
-from typing import NamedTuple
 
 from tensegrity_lab.failures.runner import Outcome
-
-DOCS_PAGE = Path("docs/results/failures.md")
+from tensegrity_lab.reports.markdown import table
 
 _HEAD = """# Failures
 
@@ -19,43 +16,23 @@ and a virtual prototype behind a real pseudo-terminal; this page is written by `
 seen, and a test holds it to the scenarios. Names of folders are left out. No real board, Bluetooth module or robot was there.
 """
 
-_CELL = re.compile(r"(?<!\\)\|")
-
-
-class PageRow(NamedTuple):
-    """A row of the page; `told` are the texts that an operator sees."""
-
-    failure: str
-    happens: str
-    told: tuple[str, ...]
-    remedy: str
-
 
 def as_markdown(outcomes: Sequence[Outcome]) -> str:
     """The page. Args: outcomes: of all rows, in their order; all must have been survived."""
-    lines = [_HEAD, "| # | failure | what happens | what the operator sees | what to do |", "|---|---|---|---|---|"]
+    rows = []
     for outcome in outcomes:
         row = outcome.scenario
-        told = "<br>".join(f"`{_cell(without_folders(text))}`" for text in outcome.evidence.told)
-        lines.append(f"| {row.number} | {_cell(row.failure)} | {_cell(row.happens)} | {told} | {_cell(row.remedy)} |")
+        told = "<br>".join(f"`{without_folders(text)}`" for text in outcome.evidence.told)
+        rows.append((row.number, row.failure, row.happens, told, row.remedy))
+    lines = [_HEAD, table(("#", "failure", "what happens", "what the operator sees", "what to do"), rows, "lllll")]
+    figures = []
     for outcome in outcomes:
-        if outcome.evidence.rows:
-            lines += ["", f"## {outcome.scenario.number}. {outcome.scenario.failure}: by board", "", *_table(outcome.evidence.rows)]
-    figures = [(outcome.scenario.number, key, value) for outcome in outcomes for key, value in outcome.evidence.figures.items()]
-    lines += ["", "## What was measured meanwhile", "", "| # | what | value |", "|---|---|---|"]
-    lines += [f"| {number} | {_cell(key)} | {value:g} |" for number, key, value in figures]
+        number, evidence = outcome.scenario.number, outcome.evidence
+        figures += [(number, name, f"{value:g}") for name, value in evidence.figures.items()]
+        if evidence.rows:
+            lines += ["", f"## {number}. {outcome.scenario.failure}: by board", "", _by_board(evidence.rows)]
+    lines += ["", "## What was measured meanwhile", "", table(("#", "what", "value"), figures, "lll")]
     return "\n".join(lines) + "\n"
-
-
-def page_rows(text: str) -> dict[int, PageRow]:
-    """The rows of a page, by number."""
-    rows: dict[int, PageRow] = {}
-    for line in text.splitlines():
-        cells = [cell.strip().replace("\\|", "|") for cell in _CELL.split(line)[1:-1]]
-        if len(cells) == 5 and cells[0].isdigit():
-            told = tuple(part.strip("`") for part in cells[3].split("<br>"))
-            rows[int(cells[0])] = PageRow(cells[1], cells[2], told, cells[4])
-    return rows
 
 
 def without_folders(text: str) -> str:
@@ -63,11 +40,6 @@ def without_folders(text: str) -> str:
     return re.sub(r"(?<![\w.])/(?!dev/|proc/|arm\b)(?:[\w.+-]+/)+", "", text)
 
 
-def _table(rows: Mapping[str, Mapping[str, str]]) -> list[str]:
+def _by_board(rows: Mapping[str, Mapping[str, str]]) -> str:
     heads = list(next(iter(rows.values())))
-    lines = [f"| board | {' | '.join(heads)} |", "|---" * (len(heads) + 1) + "|"]
-    return lines + [f"| `{board}` | {' | '.join(cells.values())} |" for board, cells in rows.items()]
-
-
-def _cell(text: str) -> str:
-    return text.replace("|", "\\|").replace("\n", " ")
+    return table(("board", *heads), [(f"`{board}`", *cells.values()) for board, cells in rows.items()], "l" * (len(heads) + 1))

@@ -15,9 +15,9 @@ from hardware_bridge.prototype_client.fault_client import inject
 from hardware_bridge.prototype_client.handshake import read_handshake
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
-from tensegrity_lab.failures.operator import Operator
-from tensegrity_lab.failures.processes import END_LIMIT_S, START_LIMIT_S, Process, Processes, wait_until
 from tensegrity_lab.failures.scenario import expect
+from tensegrity_lab.stack.client import StackClient
+from tensegrity_lab.stack.processes import START_LIMIT_S, STOP_LIMIT_S, IsolatedStack, Process, wait_until
 
 MID = (0.234,) * 6
 T = TypeVar("T")
@@ -48,7 +48,7 @@ ROLLING = Setup(prototype=("--seed", "3"), rolling=True)
 
 
 @dataclass
-class Lab:
+class Rig:
     """One stack at a time; a scenario that leaves it as it found it lets the next one go on with it.
 
     Attributes:
@@ -59,15 +59,15 @@ class Lab:
     folder: Path
     domain: int
     locks: tuple[int, ...] = ()
-    processes: Processes = field(init=False)
-    _operator: Operator | None = None
+    processes: IsolatedStack = field(init=False)
+    _operator: StackClient | None = None
     _setup: Setup | None = None
     _nodes: dict[str, Process] = field(default_factory=dict)
     _bridge_parameters: Mapping[str, object] = field(default_factory=dict)
     _facts: dict[object, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.processes = Processes(self.folder, self.domain, self.locks)
+        self.processes = IsolatedStack(self.folder, self.domain, self.locks)
 
     def close(self) -> None:
         """Ends everything."""
@@ -78,10 +78,10 @@ class Lab:
     # ---- the stack --------------------------------------------------------------------------------------------------
 
     @property
-    def operator(self) -> Operator:
+    def operator(self) -> StackClient:
         """Somebody before the stack, from the first call on."""
         if self._operator is None:
-            self._operator = Operator(self.domain)
+            self._operator = StackClient(domain=self.domain, events=True)
         return self._operator
 
     @property
@@ -93,16 +93,16 @@ class Lab:
         """A process of the stack."""
         return self._nodes[name]
 
-    def use(self, setup: Setup, **bridge: Any) -> Operator:
+    def use(self, setup: Setup, **bridge: Any) -> StackClient:
         """The stack of a setup, with these parameters of the bridge: the running one if it is that, or a new one. Disarmed."""
         if self._setup != setup or any(process.code is not None for process in self._nodes.values()):
             self.spoil()
             self._setup = setup
             words = ("--board", setup.board, "--time-scale", f"{setup.time_scale:g}", *setup.prototype)
-            self._nodes["virtual_prototype"] = prototype = self.processes.start("virtual_prototype", *words)
+            self._nodes["virtual_prototype"] = prototype = self.processes.node("virtual_prototype", *words)
             if setup.rolling:
-                self._nodes["twin"] = self.processes.start("twin")
-                self._nodes["gait_planner"] = self.processes.start("gait_planner", settle_timeout_s=200.0)
+                self._nodes["twin"] = self.processes.node("twin")
+                self._nodes["gait_planner"] = self.processes.node("gait_planner", settle_timeout_s=200.0)
             prototype.says("ready")
             self.start_bridge(**bridge)
         elif "hardware_bridge" not in self._nodes or dict(bridge) != dict(self._bridge_parameters):
@@ -115,20 +115,20 @@ class Lab:
         """The bridge of the setup, until its port is open."""
         assert self._setup is not None
         operator = self.operator
-        operator.bridge = operator.face = None
+        operator.bridge = operator.observed = None
         handshake = read_handshake(str(self.link))
         expect(handshake is not None, f"no virtual prototype lives at {self.link}")
         operator.prototype = "" if handshake is None else handshake.instance
         operator.sent.clear()
         operator.diagnostics.clear()
         self._bridge_parameters = parameters
-        bridge = self.processes.start("hardware_bridge", board=self._setup.board, **parameters)
+        bridge = self.processes.node("hardware_bridge", board=self._setup.board, **parameters)
         self._nodes["hardware_bridge"] = bridge
         bridge.says("DISARMED, nothing moves")
-        self._meets(operator)
+        operator.wait_for_stack() if self._setup.rolling else operator.wait_for_bridge()
         return bridge
 
-    def end_bridge(self, limit_s: float = END_LIMIT_S) -> None:
+    def end_bridge(self, limit_s: float = STOP_LIMIT_S) -> None:
         """Ends the bridge, if one runs, in this time, in which it finishes its bag; the rest of the stack goes on."""
         bridge = self._nodes.pop("hardware_bridge", None)
         if bridge is not None and bridge.code is None:
@@ -137,16 +137,8 @@ class Lab:
 
     def restart(self, name: str, **parameters: Any) -> Process:
         """A node of the stack that has died, anew."""
-        self._nodes[name] = process = self.processes.start(name, **parameters)
+        self._nodes[name] = process = self.processes.node(name, **parameters)
         return process
-
-    def _meets(self, operator: Operator) -> None:
-        assert self._setup is not None
-        if self._setup.rolling:
-            operator.meets_stack()
-        else:
-            wait_until(lambda: operator.bridge is not None and operator.bridge.link_ok, START_LIMIT_S, "the bridge's link")
-            wait_until(lambda: operator.face is not None, START_LIMIT_S, "an observed face")
 
     def spoil(self) -> None:
         """The stack is of no use any more: the next `use` starts another."""
@@ -174,13 +166,7 @@ class Lab:
 
     def arm(self, holder: str = "operator") -> str:
         """Arms the bridge itself and waits for the end of homing; the lease, which is then kept alive."""
-        operator = self.operator
-        request = Arm.Request(holder=holder, lifted_and_clear=True, prototype=operator.prototype)
-        answer = operator.call("bridge/arm", request)
-        expect(answer.success, f"arm was refused: {answer.message}")
-        operator.lease = answer.lease
-        operator.sees(BridgeState.ARMED)
-        return str(answer.lease)
+        return self.operator.take_lease(holder=holder)
 
     def refused_arm(self) -> str:
         """Tries to arm the bridge itself; why it was refused."""
@@ -195,7 +181,7 @@ class Lab:
         operator = self.operator
         wait_until(operator.is_quiet, START_LIMIT_S, "rest on a face")
         operator.arm()
-        goal = operator.begin_roll(NEIGHBOURS[operator.face.face][0])
+        goal = operator.begin_roll(NEIGHBOURS[operator.observed.face][0])
         expect(goal.accepted, "the roll was not accepted")
         operator.moves(goal, 0.005)
         return goal

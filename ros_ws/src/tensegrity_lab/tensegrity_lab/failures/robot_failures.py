@@ -15,11 +15,12 @@ from pathlib import Path
 from hardware_bridge.boards.lsc import CMD_BATTERY, FrameDecoder, encode_battery_reply
 from hardware_bridge.calibration.calibration_file import text_of
 from hardware_bridge.calibration.pulse_map import load_calibration
+from sim_core.names import STRUT_NAMES
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.processes import wait_until
-from tensegrity_lab.failures.rig import MID, STRUTS, Lab
+from tensegrity_lab.failures.rig import MID, STRUTS, Rig
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import wait_until
 
 DAMAGE = 4096
 """Bytes of zeros, a page of a disk."""
@@ -49,17 +50,16 @@ def board(answers: bool) -> Iterator[str]:
         os.close(near)
 
 
-def calibration_of(lab: Lab, robot: str, stroke_mm: float) -> Path:
+def calibration_of(lab: Rig, robot: str, stroke_mm: float) -> Path:
     """A calibration of a robot: the virtual prototype's numbers, but for its name and how far its struts go."""
     known = load_calibration()
     struts = [replace(strut, stroke_mm=(-stroke_mm, stroke_mm)) for strut in known.struts]
-    names = [f"S{number}" for number in range(1, 7)]
     path = lab.folder / f"{robot}.yaml"
-    path.write_text(text_of(robot, known.mid_stroke_length_m, dict(zip(names, struts, strict=True)), ""), encoding="utf-8")
+    path.write_text(text_of(robot, known.mid_stroke_length_m, dict(zip(STRUT_NAMES, struts, strict=True)), ""), encoding="utf-8")
     return path
 
 
-def silent_board(lab: Lab) -> Evidence:
+def silent_board(lab: Rig) -> Evidence:
     """Row 22."""
     evidence = Evidence()
     lab.use(STRUTS)
@@ -69,7 +69,7 @@ def silent_board(lab: Lab) -> Evidence:
     return evidence
 
 
-def another_robot(lab: Lab) -> Evidence:
+def another_robot(lab: Rig) -> Evidence:
     """Row 23."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -83,7 +83,7 @@ def another_robot(lab: Lab) -> Evidence:
     return evidence
 
 
-def damaged_journal(lab: Lab) -> Evidence:
+def damaged_journal(lab: Rig) -> Evidence:
     """Row 24."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -108,11 +108,11 @@ def damaged_journal(lab: Lab) -> Evidence:
 
 
 @contextmanager
-def bridge_at(lab: Lab, port: str, calibration: Path) -> Iterator[None]:
+def bridge_at(lab: Rig, port: str, calibration: Path) -> Iterator[None]:
     """A bridge at a port of its own, in place of the lab's, while the block lasts."""
     operator = lab.operator
     operator.bridge = None
-    bridge = lab.processes.start("hardware_bridge", port=port, calibration=str(calibration))
+    bridge = lab.processes.node("hardware_bridge", port=port, calibration=str(calibration))
     bridge.says("DISARMED, nothing moves")
     wait_until(lambda: operator.bridge is not None and operator.bridge.port == port, 30.0, "the bridge at the other port")
     expect(operator.bridge.state == BridgeState.DISARMED, "it is not disarmed")

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tensegrity_lab.failures.rig import Lab, scratch
+from tensegrity_lab.failures.rig import Rig, scratch
 from tensegrity_lab.failures.scenario import Evidence, Scenario
 from tensegrity_lab.failures.table import RUNNING_ORDER, scenario
 from tensegrity_lab.stack.ros_domain import private_domain
@@ -50,7 +50,7 @@ def run(
     with private_domain(domain) as own, scratch() as folder:
         say(own.words)
         os.environ.update(discovery_changes(os.environ, loopback_profile()))  # the operator is a node of this process
-        lab = Lab(Path(folder), own.number, own.locks)
+        lab = Rig(Path(folder), own.number, own.locks)
         try:
             for number in RUNNING_ORDER:
                 if number in numbers:
@@ -61,7 +61,7 @@ def run(
             lab.close()
 
 
-def _run_one(lab: Lab, row: Scenario) -> Outcome:
+def _run_one(lab: Rig, row: Scenario) -> Outcome:
     began_s = time.monotonic()
     evidence, problem = Evidence(), ""
     try:

@@ -14,19 +14,19 @@ from hardware_bridge.recording.bag_reader import Session, read_session
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_lab.bags.replay import ReplayError, model_of, require_same_model
 from tensegrity_lab.failures.link_failures import last_line
-from tensegrity_lab.failures.processes import wait_until
-from tensegrity_lab.failures.rig import ROLLING, STRUTS, Lab, stretched
+from tensegrity_lab.failures.rig import ROLLING, STRUTS, Rig, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import wait_until
 
 ROOM_BYTES = 100_000
 
 
-def log_fails(lab: Lab) -> Evidence:
+def log_fails(lab: Rig) -> Evidence:
     """Row 11."""
     evidence = Evidence()
     lab.use(STRUTS)
     lab.end_bridge()
-    unwritable = lab.processes.start("hardware_bridge", bag_folder="/proc/sixstrut")
+    unwritable = lab.processes.node("hardware_bridge", bag_folder="/proc/sixstrut")
     evidence.says(last_line(unwritable, 1), "/proc/sixstrut", "give another bag_folder")
     lab.use(STRUTS, space_limit_mb=1e7)
     evidence.says(lab.refused_arm(), "MB are free in", "the limit is 10000000 MB (space_limit_mb): free space")
@@ -69,7 +69,7 @@ class Killed:
     refused: str
 
 
-def kill_bridge(lab: Lab) -> Killed:
+def kill_bridge(lab: Rig) -> Killed:
     """Kills the bridge in mid-roll and starts another."""
     operator = lab.use(ROLLING)
     wait_until(lambda: operator.diagnosis("log"), 10.0, "the log's diagnostics")
@@ -91,7 +91,7 @@ def kill_bridge(lab: Lab) -> Killed:
     return Killed(acknowledged, recovered, line[line.index("mended") :], ended.reason, refused)
 
 
-def killed_while_recording(lab: Lab) -> Evidence:
+def killed_while_recording(lab: Rig) -> Evidence:
     """Row 12."""
     evidence = Evidence()
     killed = lab.remember("killed", lambda: kill_bridge(lab))
@@ -101,7 +101,7 @@ def killed_while_recording(lab: Lab) -> Evidence:
     return evidence
 
 
-def signals_in_mid_gait(lab: Lab) -> Evidence:
+def signals_in_mid_gait(lab: Rig) -> Evidence:
     """Row 13."""
     evidence = Evidence()
     for numbers in ((signal.SIGINT, signal.SIGINT), (signal.SIGTERM, signal.SIGTERM)):
@@ -123,7 +123,7 @@ def signals_in_mid_gait(lab: Lab) -> Evidence:
     return evidence
 
 
-def nodes_die(lab: Lab) -> Evidence:
+def nodes_die(lab: Rig) -> Evidence:
     """Row 17."""
     evidence = Evidence()
     killed = lab.remember("killed", lambda: kill_bridge(lab))
@@ -144,13 +144,13 @@ def nodes_die(lab: Lab) -> Evidence:
     lab.node("twin").ends()
     operator.twin = None
     lab.restart("twin").says("the event stream")
-    operator.meets_stack()
+    operator.wait_for_stack()
     goal = lab.begin_roll()
     operator.end(goal)
     return evidence
 
 
-def what_does_not_go_together(lab: Lab) -> Evidence:
+def what_does_not_go_together(lab: Rig) -> Evidence:
     """Row 18."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
@@ -176,6 +176,6 @@ def what_does_not_go_together(lab: Lab) -> Evidence:
     file = lab.folder / "of_another_board.yaml"
     own = files("hardware_bridge") / "data" / "calibration_default.yaml"
     file.write_text(f"board: ssc32\n{own.read_text(encoding='utf-8')}", encoding="utf-8")
-    mismatched = lab.processes.start("hardware_bridge", calibration=file)
+    mismatched = lab.processes.node("hardware_bridge", calibration=file)
     evidence.says(last_line(mismatched, 1), "board is lsc, but", "is for ssc32; set the board to ssc32")
     return evidence

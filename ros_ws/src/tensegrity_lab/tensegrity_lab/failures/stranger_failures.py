@@ -22,10 +22,10 @@ from rclpy.signals import SignalHandlerOptions
 from sim_core.structure.topology import NEIGHBOURS
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.operator import LATCHED
-from tensegrity_lab.failures.processes import Process, wait_until
-from tensegrity_lab.failures.rig import ROLLING, STRUTS, Lab, stretched
+from tensegrity_lab.failures.rig import ROLLING, STRUTS, Rig, stretched
 from tensegrity_lab.failures.scenario import Evidence, expect
+from tensegrity_lab.stack.processes import Process, wait_until
+from tensegrity_robot.ros import qos
 
 REAL_TIME = replace(STRUTS, time_scale=1.0)
 """Frames every 50 ms, as a real robot gets them."""
@@ -46,11 +46,9 @@ FLOODS: dict[str, tuple[str, ...]] = {
 
 
 @contextmanager
-def flood(lab: Lab, *words: str) -> Iterator[Process]:
+def flood(lab: Rig, *words: str) -> Iterator[Process]:
     """Somebody says too much while the block lasts."""
-    environ = {"ROS_DOMAIN_ID": str(lab.domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    program = [sys.executable, "-m", "tensegrity_lab.failures.flood", *words]
-    process = Process("flood", folder=lab.folder, environ=environ, program=program)
+    process = lab.processes.start("flood", [sys.executable, "-m", "tensegrity_lab.failures.flood", *words])
     try:
         process.says("flooding")
         yield process
@@ -59,7 +57,7 @@ def flood(lab: Lab, *words: str) -> Iterator[Process]:
 
 
 @contextmanager
-def frozen(lab: Lab) -> Iterator[None]:
+def frozen(lab: Rig) -> Iterator[None]:
     """The bridge's node stands still, as it would while it reads something endless."""
     pid = lab.node("hardware_bridge").pid
     os.kill(pid, signal.SIGSTOP)
@@ -69,7 +67,7 @@ def frozen(lab: Lab) -> Iterator[None]:
         os.kill(pid, signal.SIGCONT)
 
 
-def stop_in_mid_motion(lab: Lab, load: Callable[[], Any]) -> tuple[float, int]:
+def stop_in_mid_motion(lab: Rig, load: Callable[[], Any]) -> tuple[float, int]:
     """Stops a motion under a load: time from the call to the last bytes in ms, and frames sent after the call."""
     operator = lab.operator
     lease = lab.arm()
@@ -86,7 +84,7 @@ def stop_in_mid_motion(lab: Lab, load: Callable[[], Any]) -> tuple[float, int]:
     return max((stamp - called_ns for stamp in after), default=0) * 1e-6, len(after)
 
 
-def stop_under_load(lab: Lab) -> Evidence:
+def stop_under_load(lab: Rig) -> Evidence:
     """Row 19."""
     evidence = Evidence()
     lab.use(REAL_TIME, duty_fraction=1.0)
@@ -109,8 +107,8 @@ def player(domain: int, face: str, age_s: float) -> Iterator[None]:
     rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
     node = Node("player", context=context)
     publishers = [
-        node.create_publisher(BridgeState, "bridge/state", LATCHED),
-        node.create_publisher(FaceObservation, "bridge/face", LATCHED),
+        node.create_publisher(BridgeState, "bridge/state", qos.LATCHED),
+        node.create_publisher(FaceObservation, "bridge/face", qos.LATCHED),
         node.create_publisher(StrutsSent, "bridge/struts_sent", 100),
     ]
     ended = threading.Event()
@@ -140,12 +138,12 @@ def player(domain: int, face: str, age_s: float) -> Iterator[None]:
         rclpy.shutdown(context=context)
 
 
-def recording_played(lab: Lab) -> Evidence:
+def recording_played(lab: Rig) -> Evidence:
     """Row 20."""
     evidence = Evidence()
     operator = lab.use(ROLLING)
     wait_until(operator.is_quiet, 60.0, "rest on a face")
-    face = operator.face.face
+    face = operator.observed.face
     operator.arm()
     with player(lab.domain, "TO5" if face != "TO5" else "TC6", age_s=3600.0):
         lab.node("gait_planner").says("a recording is played here")
@@ -158,16 +156,16 @@ def recording_played(lab: Lab) -> Evidence:
     return evidence
 
 
-def second_bridge(lab: Lab) -> Evidence:
+def second_bridge(lab: Rig) -> Evidence:
     """Row 21."""
     evidence = Evidence()
     operator = lab.use(STRUTS)
     state = lab.folder / "other"
     link = state / "prototype"
-    other = lab.processes.start("virtual_prototype", "--link", str(link), "--time-scale", "8")
+    other = lab.processes.node("virtual_prototype", "--link", str(link), "--time-scale", "8")
     try:
         other.says("ready")
-        second = lab.processes.start("hardware_bridge", port=str(link), state_folder=str(state))
+        second = lab.processes.node("hardware_bridge", port=str(link), state_folder=str(state))
         expect(second.ends(60.0) == 1, f"the second bridge goes on: {second.output}")
         evidence.says(re.sub(r"^.*(another bridge)", r"\1", second.output.splitlines()[-1]), "answers to the same names")
         other.kill()
@@ -178,7 +176,7 @@ def second_bridge(lab: Lab) -> Evidence:
     return evidence
 
 
-def _armed(lab: Lab) -> bool:
+def _armed(lab: Rig) -> bool:
     """Tries to arm the bridge itself; whether it is."""
     operator = lab.operator
     answer = operator.call("bridge/arm", Arm.Request(holder="operator", lifted_and_clear=True))

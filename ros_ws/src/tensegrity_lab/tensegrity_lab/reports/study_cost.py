@@ -19,6 +19,7 @@ from sim_core.structure.parameters import Prototype
 from sim_core.studies.binomial_intervals import rate_of
 from sim_core.studies.robustness import GAITS, Study, chunk_jobs, chunks_of
 from sim_core.studies.tasks import Chunk, Cost, Trials
+from tensegrity_lab.reports.markdown import table
 
 TASKS, REPEATS = 40, 5
 CORES = (2, 64, 1024)
@@ -107,9 +108,8 @@ def table_of(figures: Figures, prototypes: int = MILLION) -> str:
         n = count * GAITS
         rate = rate_of(round(0.97 * n), n)
         rows.append((f"95 % interval of a primitive at 97 %, {count:,} prototypes", f"± {50 * (rate.high - rate.low):.3f} %"))
-    lines = [f"| {name} | {value} |" for name, value in rows]
     where = f"{platform.machine()}, {os.cpu_count()} processors, load average {os.getloadavg()[0]:.1f}"
-    return "\n".join([f"| figure, on {where} | |", "| --- | --: |", *lines])
+    return table((f"figure, on {where}", ""), rows)
 
 
 def back_a_trial(figures: Figures) -> float:

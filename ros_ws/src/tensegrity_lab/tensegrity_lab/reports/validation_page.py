@@ -8,6 +8,7 @@ from pathlib import Path
 
 from sim_core.validation import TOPICS, Case, Picture
 from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure
+from tensegrity_lab.reports.markdown import table
 
 MARKERS = "os^Dv"
 
@@ -89,12 +90,11 @@ def write_page(path: Path, cases: Mapping[str, Case], model_hash: str, steps_per
         if not chosen:
             continue
         out += ["", f"## {topic.title}", "", topic.about, ""]
-        out += ["| case | measured | reference | error | tolerance | verdict |", "|---|---:|---:|---:|---:|---|"]
+        rows = []
         for case in chosen.values():
-            out.append(
-                f"| {case.name} | {with_unit(case.measured, case.unit)} | {with_unit(case.reference, case.unit)} | {found(case)} "
-                f"| {allowed(case)} | {'holds' if case.passed else '**FAILS**'} |"
-            )
+            values = with_unit(case.measured, case.unit), with_unit(case.reference, case.unit)
+            rows.append((case.name, *values, found(case), allowed(case), "holds" if case.passed else "**FAILS**"))
+        out.append(table(("case", "measured", "reference", "error", "tolerance", "verdict"), rows, "lrrrrl"))
         out.append("")
         for name, case in chosen.items():
             more = f" {case.note}" if case.note else ""

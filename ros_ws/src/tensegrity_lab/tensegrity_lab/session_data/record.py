@@ -12,7 +12,8 @@ from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from enum import StrEnum
 
-from sim_core.errors import brief, one_line
+from sim_core.errors import brief
+from sim_core.printable import printable
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.terminal.tables import cell_of, value_of
 
@@ -152,7 +153,7 @@ def line_of_cells(cells: dict[str, str]) -> Line:
             values[field.name] = _PARSERS[str(field.type)](cells[field.name])
         except (KeyError, ValueError) as error:
             raise SessionError(
-                f"column {field.name} of a trial is {brief(cells.get(field.name))}: {one_line(str(error))}"
+                f"column {field.name} of a trial is {brief(cells.get(field.name))}: {printable(error, 80)}"
             ) from error
     return Line(**values)  # type: ignore[arg-type]  # each column was parsed by its type
 

@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
@@ -17,11 +18,12 @@ from sim_core.dynamics.actuators import require_actuators
 from sim_core.gaits.library import load_library
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.topology import require_face
-from tensegrity_lab.stack.processes import Stack, Uninterrupted, executable, ros_arguments, wait_until
+from tensegrity_lab.stack.processes import Stack, Uninterrupted, wait_until
 from tensegrity_lab.stack.ros_domain import private_domain
 from tensegrity_lab.terminal.compile_notice import compile_first
 
-START_LIMIT_S = 60.0
+START_LIMIT_S = 180.0
+"""The first time on a machine its kernels are compiled."""
 
 
 def start_prototype(stack: Stack, link: Path, words: Mapping[str, object]) -> Handshake:
@@ -36,13 +38,13 @@ def start_prototype(stack: Stack, link: Path, words: Mapping[str, object]) -> Ha
         StackError: it does not come up.
     """
     given = [word for name, value in words.items() for word in (f"--{name}", str(value))]
-    name = "virtual_prototype"
-    stack.start(name, [sys.executable, "-m", "hardware_bridge.virtual_prototype", "--link", link, *given])
+    command: list[str | Path] = [sys.executable, "-m", "hardware_bridge.virtual_prototype", "--link", link, *given]
+    prototype = stack.start("virtual_prototype", command)
     found: list[Handshake] = []
 
     def ready() -> bool:
         shake = read_handshake(str(link))
-        if shake is not None and shake.pid == stack.pids()[name]:
+        if shake is not None and shake.pid == prototype.pid:
             found.append(shake)
         return bool(found)
 
@@ -129,7 +131,7 @@ class VirtualRobot:
             "state_folder": folder,
             "library": self.library,
         }
-        nodes: dict[str, dict[str, object]] = {
+        nodes: dict[str, dict[str, Any]] = {
             "twin": {"start_face": self.face},
             "gait_planner": {**gaits, "prototype": handshake.instance},
         }
@@ -137,7 +139,7 @@ class VirtualRobot:
             nodes["traveller"] = {**gaits, **dict(planner)}
         nodes["hardware_bridge"] = bridge
         for name, parameters in nodes.items():
-            stack.start(name, [executable("tensegrity_robot", name), *ros_arguments(parameters)])
+            stack.node(name, **parameters)
         return handshake
 
 

@@ -19,7 +19,6 @@ from tensegrity_lab.session_data.folder import SessionFolder
 from tensegrity_lab.studies.campaign_batch import require_new, session_of
 from tensegrity_lab.studies.campaign_stack_sample import Pair, chosen, table_of, through_the_stack
 
-DEFAULT_LIBRARIES = ("robust", "improved", "previous")
 SESSIONS, STACK, REPORT = "sessions", "stack", "report"
 
 
@@ -157,7 +156,7 @@ def page_of(asked: Asked, campaign: Campaign, images: Path | None) -> str:
             f"processes of their own. **{agree} of {len(campaign.pairs)} agree.** They need not all: the stack streams its motions",
             "in steps, and its robot goes on from where it stands, with small displacements that the batch solver's does not have.",
             "",
-            *table_of(campaign.pairs),
+            table_of(campaign.pairs),
         ]
     else:
         lines.append("None was asked for (`--sample`).")

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from hardware_bridge.driver.child_process import bound
 from tensegrity_lab.errors import SessionError
+from tensegrity_lab.reports.markdown import table
 from tensegrity_lab.reports.trial_analysis import read_told
 from tensegrity_lab.session_data.folder import SessionFolder, begin_session
 from tensegrity_lab.session_data.plan import Slot
@@ -83,18 +84,16 @@ def through_the_stack(folder: SessionFolder, slots: Sequence[Slot], path: Path, 
     return [Pair(folder, slot, fast[slot.gait], stack.get(slot.gait)) for slot in slots]
 
 
-def table_of(pairs: Sequence[Pair]) -> list[str]:
+def table_of(pairs: Sequence[Pair]) -> str:
     """A Markdown table of both outcomes."""
-    lines = ["| library | prototype | gait | batch solver | whole stack | agree |", "|---|--:|---|---|---|---|"]
+    rows = []
     for pair in pairs:
         stack = pair.stack.outcome if pair.stack is not None else NOT_DONE
         settings = pair.session.settings
         where = ("", "") if pair.agrees else (_end(pair.fast), _end(pair.stack))
-        lines.append(
-            f"| {settings.library} | {settings.seed} | {pair.slot.name} | {pair.fast.outcome}{where[0]} | {stack}{where[1]} "
-            f"| {'yes' if pair.agrees else '**no**'} |"
-        )
-    return lines
+        ends = f"{pair.fast.outcome}{where[0]}", f"{stack}{where[1]}"
+        rows.append((settings.library, settings.seed, pair.slot.name, *ends, "yes" if pair.agrees else "**no**"))
+    return table(("library", "prototype", "gait", "batch solver", "whole stack", "agree"), rows, "lrllll")
 
 
 def _end(line: Line | None) -> str:

@@ -22,7 +22,7 @@ from sim_core.structure.symmetry import GROUP, carrier
 from sim_core.uncertainty.seeded_perturbation import LAW
 from tensegrity_lab.bags.replay import replay
 from tensegrity_lab.reports.figure import session_picture
-from tensegrity_lab.stack.processes import Stack, Uninterrupted, wait_until
+from tensegrity_lab.stack.processes import Stack, Uninterrupted
 from tensegrity_lab.stack.ros_domain import Domain, private_domain
 from tensegrity_lab.stack.virtual_stack import VirtualRobot
 from tensegrity_lab.studies.demo_route import next_face, walk
@@ -99,19 +99,19 @@ class _Demo:
 
     def _open_console(self, stack: Stack) -> None:
         """Start a console before the stack, and say where it is."""
-        stack.start("console", [sys.executable, "-m", "sixstrut_cli", "console", "--port", "0"])
-        log = stack.log_folder / "console.log"
+        console = stack.start("console", [sys.executable, "-m", "sixstrut_cli", "console", "--port", "0"])
         with self.console.status("starting the console"):
-            wait_until(lambda: "console: " in log.read_text(errors="replace"), CONSOLE_LIMIT_S, "the console's address", stack)
-        line = next(line for line in log.read_text(errors="replace").splitlines() if line.startswith("console: "))
+            console.says("console: ", CONSOLE_LIMIT_S)
+        line = next(line for line in console.output.splitlines() if line.startswith("console: "))
         self.console.print(line.partition("   ")[0])
 
     def _operate(self, stack: Stack, prototype: str) -> None:
-        from tensegrity_lab.stack.operator_client import Operator  # rclpy: only once the processes are on their way
+        from tensegrity_lab.stack.client import StackClient  # rclpy: only once the processes are on their way
 
-        operator = Operator(stack, prototype)
+        operator = StackClient(stack, prototype)
         try:
             with self.console.status("waiting for bridge, planner and twin to find each other"):
+                operator.watch_joints()
                 operator.wait_for_stack()
             with self.console.status("arming: the struts are energised one by one, then go to mid stroke"):
                 operator.arm(neutral_lengths(load_prototype()).tolist())
@@ -168,7 +168,7 @@ class _Demo:
                     f"rolling to {target}: {feedback.phase}, on {feedback.face or 'no face'}, {100 * feedback.progress:.0f} %"
                 )
 
-            return operator.roll(target, show, 30.0 + ROLL_LIMIT_S / self.plan.robot.time_scale)
+            return operator.roll(target, tell=show, limit_s=30.0 + ROLL_LIMIT_S / self.plan.robot.time_scale)
 
     def _summary(self, codes: dict[str, int], stopped: bool, log_folder: Path) -> None:
         plan, show = self.plan, self.console.print

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from sim_core.studies.ensemble_fit import LEAST
 from sim_core.studies.gait_posterior import WEIGHT
 from sim_core.studies.rehearsal import MEMBERS as DEFAULT_MEMBERS
+from tensegrity_lab.reports.markdown import table
 from tensegrity_lab.studies.fit_demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Case, Demonstration
 
 INTRODUCTION = """\
@@ -27,27 +28,25 @@ real robot.
 """
 
 
+FITS = ("robot", "trials won", "friction: hidden; fitted, 90 %", "tilt: fitted mean", "effective size, lapse rate of each round")
+
+
 def page_of(shown: Demonstration, model_hash: str) -> str:
     """The page, as Markdown. `model_hash`: of the nominal model."""
     s, cases = shown.setting, shown.cases
     low, high = (100 * value for value in LOW_FRICTION)
-    fits = [
-        "| robot | trials won | friction: hidden; fitted, 90 % | tilt: fitted mean | effective size, lapse rate of each round |",
-        "|--:|--:|---|--:|---|",
-    ]
-    scores = ["| robot | default ensemble | prior ensemble | fitted ensemble |", "|--:|--:|--:|--:|"]
-    picks = ["| robot | default odds | fitted odds | any gait works |", "|--:|--:|--:|--:|"]
+    fits, scores, picks = list[Sequence[object]](), list[Sequence[object]](), list[Sequence[object]]()
     for number, case in enumerate(cases, start=1):
         f, found = case.estimates[0], case.found
         sizes = ", ".join(f"{size:.0f} at {rate:.2f}" for size, rate in zip(found.effective_sizes, found.lapses, strict=True))
         friction = f"{case.hidden.friction:.2f}; {f.mean:.2f} [{f.low:.2f}, {f.high:.2f}]"
-        fits.append(f"| {number} | {case.won} of {s.trials} | {friction} | {case.steepness:.1f}° | {sizes} |")
-        scores.append(f"| {number} | " + " | ".join(f"{score:.3f}" for score in case.scores) + " |")
-        picks.append(f"| {number} | " + " | ".join(map(str, case.chosen)) + " |")
+        fits.append((number, f"{case.won} of {s.trials}", friction, f"{case.steepness:.1f}°", sizes))
+        scores.append((number, *(f"{score:.3f}" for score in case.scores)))
+        picks.append((number, *case.chosen))
     mean = [sum(case.scores[i] for case in cases) / len(cases) for i in range(3)]
     total = [sum(case.chosen[i] for case in cases) for i in range(3)]
-    scores.append("| mean | " + " | ".join(f"{value:.3f}" for value in mean) + " |")
-    picks.append("| all | " + " | ".join(map(str, total)) + " |")
+    scores.append(("mean", *(f"{value:.3f}" for value in mean)))
+    picks.append(("all", *total))
     lines = [
         INTRODUCTION,
         f"Model `{model_hash}`; library `{shown.library.name}` ({shown.library.hash}), the first {s.primitives} primitives of each",
@@ -59,20 +58,20 @@ def page_of(shown: Demonstration, model_hash: str) -> str:
         "",
         "## What the fits say",
         "",
-        *fits,
+        table(FITS, fits, "rrlrl"),
         "",
         "## Held-out trials foretold",
         "",
         "Mean logarithm of the probability given to what happened, in nats; nearer to 0 is better, a coin's is −0.693.",
         "",
-        *scores,
+        table(("robot", "default ensemble", "prior ensemble", "fitted ensemble"), scores, "rrrr"),
         "",
         "## Gaits chosen",
         "",
         "For each of the 48 rolls the likeliest gait is chosen and tried: so many succeed. The fitted odds of a tried gait count",
         f"its own trial, against a prior worth {WEIGHT:g} trials.",
         "",
-        *picks,
+        table(("robot", "default odds", "fitted odds", "any gait works"), picks, "rrrr"),
         *_searched(cases),
     ]
     return "\n".join(lines) + "\n"
@@ -83,7 +82,7 @@ def _searched(cases: Sequence[Case]) -> list[str]:
     for number, case in enumerate(cases, start=1):
         if case.libraries is not None:
             shown = [f"{rate.successes} of {rate.trials}, {100 * rate.value:.1f} %" for rate in case.libraries]
-            rows.append(f"| {number} | {shown[0]} | {shown[1]} |")
+            rows.append((number, *shown))
     if not rows:
         return []
     return [
@@ -93,7 +92,5 @@ def _searched(cases: Sequence[Case]) -> list[str]:
         "The search that makes `robust`, on robots drawn from the fitted ensemble instead (`./sixstrut search robust --ensemble`).",
         "Done for those of the robots that the shipped library does worst on; all gaits of both libraries are then tried on them:",
         "",
-        "| robot | shipped `robust` | searched on the fitted ensemble |",
-        "|--:|--:|--:|",
-        *rows,
+        table(("robot", "shipped `robust`", "searched on the fitted ensemble"), rows, "rrr"),
     ]

@@ -148,9 +148,9 @@ def _operate(
     most_rolls: int,
     tell: Callable[[str], None],
 ) -> tuple[Any, str]:
-    from tensegrity_lab.stack.operator_client import Operator  # rclpy: only once the processes are on their way
+    from tensegrity_lab.stack.client import StackClient  # rclpy: only once the processes are on their way
 
-    operator = Operator(stack, prototype)
+    operator = StackClient(stack, prototype)
     try:
         operator.wait_for_stack()
         tell("arming: the struts are energised one by one, then go to mid stroke")

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_core.files.bounded_reader import read_text
+from tensegrity_lab.reports.markdown import table
 from tensegrity_lab.stack.simulation_lag import LATE_S
 from tensegrity_lab.stack.virtual_stack import VirtualRobot
 from tensegrity_lab.studies.travel import Trip, travel
@@ -136,23 +137,26 @@ def _trip(robot: VirtualRobot, case: Case, tell: Callable[[str], None]) -> Trip:
         return travel(robot, case.goal_m, Path(links), tell, use_odds=case.use_odds)
 
 
-def summary_of(trips: Sequence[Trip]) -> str:
-    """A row of the table: arrived, rolls, missed, robot time, path ratio of those that arrived."""
+SUMMARY = ("ground", "traveller", "arrived", "rolls", "missed", "rolls of an arrival", "rolling time of an arrival", "path ratio")
+EVERY = ("goal", "at (m)", "incline", "traveller", "end", "rolls", "missed", "left", "rolling time")
+
+
+def summary_of(trips: Sequence[Trip]) -> tuple[object, ...]:
+    """Cells of a row: arrived, rolls, missed, robot time, path ratio of those that arrived."""
     arrived = [trip for trip in trips if trip.success]
     rolls, missed = sum(trip.rolls for trip in trips), sum(trip.missed for trip in trips)
-    head = f"{len(arrived)} of {len(trips)} | {rolls} | {missed} ({100 * missed / max(1, rolls):.0f} %)"
+    head = f"{len(arrived)} of {len(trips)}", rolls, f"{missed} ({100 * missed / max(1, rolls):.0f} %)"
     if not arrived:
-        return f"{head} | – | – | –"
+        return *head, "–", "–", "–"
     each = np.mean([trip.rolls for trip in arrived])
     time_s = np.mean([trip.robot_s for trip in arrived])
-    return f"{head} | {each:.1f} | {time_s:.0f} s | {np.mean([trip.ratio for trip in arrived]):.2f}"
+    return *head, f"{each:.1f}", f"{time_s:.0f} s", f"{np.mean([trip.ratio for trip in arrived]):.2f}"
 
 
 def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: str, picture: str) -> str:
     """The page, as Markdown. `left`: how many travels are still to be made."""
     rows = [
-        f"| {' | '.join(words_of(group))} | {summary_of([trip for case, trip in found.items() if case.group == group])} |"
-        for group in groups_of(found)
+        (*words_of(group), *summary_of([trip for case, trip in found.items() if case.group == group])) for group in groups_of(found)
     ]
     each = [_row(case, trip) for case, trip in found.items()]
     scales = sorted({f"{trip.time_scale:g}" for trip in found.values()}, key=float)
@@ -172,9 +176,7 @@ def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: st
         f"{' or '.join(scales)} times real time; a travel whose prototype took its orders more than {LATE_S:g} s of robot time",
         "late, because the computer was busy, was made again at a slower pace.",
         "",
-        "| ground | traveller | arrived | rolls | missed | rolls of an arrival | rolling time of an arrival | path ratio |",
-        "|---|---|--:|--:|--:|--:|--:|--:|",
-        *rows,
+        table(SUMMARY, rows, "llrrrrrr"),
         "",
         "*Rolling time* is robot time from first to last move of all rolls; resting for the actuators' duty is not counted.",
         "*Path ratio* is the way from rest to rest over the distance won; the robot rolls over triangles, so 1 cannot be reached.",
@@ -183,15 +185,13 @@ def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: st
         "",
         "## Every travel",
         "",
-        "| goal | at (m) | incline | traveller | end | rolls | missed | left | rolling time |",
-        "|--:|---|--:|---|---|--:|--:|--:|--:|",
-        *each,
+        table(EVERY, each, "rlrllrrrr"),
     ]
     return "\n".join(lines) + "\n"
 
 
-def _row(case: Case, trip: Trip) -> str:
-    where = f"{case.goal_m[0]:+.2f}, {case.goal_m[1]:+.2f} | {case.incline_deg:g}°"
+def _row(case: Case, trip: Trip) -> tuple[object, ...]:
+    where = f"{case.goal_m[0]:+.2f}, {case.goal_m[1]:+.2f}", f"{case.incline_deg:g}°"
     end = "arrived" if trip.success else trip.reason
-    counts = f"{trip.rolls} | {trip.missed} | {100 * trip.left_m:.0f} cm | {trip.robot_s:.0f} s"
-    return f"| {case.number} | {where} | {words_of(case.group)[1]} | {end} | {counts} |"
+    counts = trip.rolls, trip.missed, f"{100 * trip.left_m:.0f} cm", f"{trip.robot_s:.0f} s"
+    return case.number, *where, words_of(case.group)[1], end, *counts

@@ -13,7 +13,7 @@ from tensegrity_lab.session_data.plan import Slot, placing, way_to_due
 from tensegrity_lab.session_data.record import Outcome
 from tensegrity_lab.terminal.keys import ENTER, Keys
 from tensegrity_lab.trials.panel import LEAVE, UNDO, Panel
-from tensegrity_lab.trials.robot_access import Lab, Rolled
+from tensegrity_lab.trials.robot_access import RobotAccess, Rolled
 
 LONGEST_RUN_S = 6.0
 """Robot time that a strut runs in a roll, at most: 45 mm there and back."""
@@ -39,16 +39,16 @@ class Verdict(NamedTuple):
 class Hands(Protocol):
     """Judges and places."""
 
-    def arm(self, lab: Lab) -> None:
+    def arm(self, lab: RobotAccess) -> None:
         """Arm a robot that was just connected. Raises StackError."""
 
-    def place(self, lab: Lab, due: Sequence[Slot], watch: Callable[[], None]) -> None:
+    def place(self, lab: RobotAccess, due: Sequence[Slot], watch: Callable[[], None]) -> None:
         """Have the robot where something is due. Raises StackError, SessionError."""
 
-    def judge(self, lab: Lab, slot: Slot, rolled: Rolled) -> Verdict:
+    def judge(self, lab: RobotAccess, slot: Slot, rolled: Rolled) -> Verdict:
         """How a roll ended."""
 
-    def recover(self, lab: Lab, due: Sequence[Slot], trouble: str) -> None:
+    def recover(self, lab: RobotAccess, due: Sequence[Slot], trouble: str) -> None:
         """Make the stack fit for another trial, and the robot armed. Raises StackError, SessionError."""
 
 
@@ -66,13 +66,13 @@ class Observer:
         self._owns = owns_prototype
         self._say = say
 
-    def arm(self, lab: Lab) -> None:
+    def arm(self, lab: RobotAccess) -> None:
         """See Hands."""
         lab.wait_for_rest()
         lab.arm(at_mid_stroke=True)
         lab.wait_for_rest()
 
-    def place(self, lab: Lab, due: Sequence[Slot], watch: Callable[[], None]) -> None:
+    def place(self, lab: RobotAccess, due: Sequence[Slot], watch: Callable[[], None]) -> None:
         """See Hands."""
         wanted = {slot.source for slot in due}
         misses = 0
@@ -86,18 +86,18 @@ class Observer:
         if lab.face not in wanted:
             self._restart(lab, placing(due))
 
-    def judge(self, lab: Lab, slot: Slot, rolled: Rolled) -> Verdict:
+    def judge(self, lab: RobotAccess, slot: Slot, rolled: Rolled) -> Verdict:
         """See Hands."""
         reason = void_of(rolled)
         if reason:
             return Verdict(Outcome.VOID, reason, rolled.observed_face)
         return Verdict(Outcome.SUCCESS if rolled.success else Outcome.FAILURE, rolled.reason, rolled.observed_face)
 
-    def recover(self, lab: Lab, due: Sequence[Slot], trouble: str) -> None:
+    def recover(self, lab: RobotAccess, due: Sequence[Slot], trouble: str) -> None:
         """See Hands."""
         self._restart(lab, placing(due))
 
-    def _restart(self, lab: Lab, face: str) -> None:
+    def _restart(self, lab: RobotAccess, face: str) -> None:
         if not self._owns:
             raise SessionError(
                 f"the virtual prototype at the port must stand on {face}: start it there (--face {face}), then this command again"
@@ -137,7 +137,7 @@ class Person:
         finally:
             self._panel.show(question="", keys=())
 
-    def arm(self, lab: Lab) -> None:
+    def arm(self, lab: RobotAccess) -> None:
         """See Hands."""
         self.ask("Lift the robot, keep hands clear, switch of the supply within reach.", {ENTER: "arm"})
         at_mid_stroke = False
@@ -153,7 +153,7 @@ class Person:
                 at_mid_stroke = key == "m"
                 self._panel.show(trouble="")
 
-    def place(self, lab: Lab, due: Sequence[Slot], watch: Callable[[], None]) -> None:
+    def place(self, lab: RobotAccess, due: Sequence[Slot], watch: Callable[[], None]) -> None:
         """See Hands."""
         face = placing(due)
         self._panel.show(source=face, target="?", primitive="", stands=lab.face)
@@ -165,7 +165,7 @@ class Person:
         else:
             lab.say_face(face)
 
-    def judge(self, lab: Lab, slot: Slot, rolled: Rolled) -> Verdict:
+    def judge(self, lab: RobotAccess, slot: Slot, rolled: Rolled) -> Verdict:
         """See Hands."""
         reason = void_of(rolled)
         if reason:
@@ -185,7 +185,7 @@ class Person:
         why = VOID_REASONS[self.ask("Why does it not count?", VOID_REASONS)]
         return Verdict(Outcome.VOID, why, self._where(lab, slot))
 
-    def _where(self, lab: Lab, slot: Slot) -> str:
+    def _where(self, lab: RobotAccess, slot: Slot) -> str:
         """Where it stands; told to the bridge."""
         near = dict.fromkeys((slot.source, *NEIGHBOURS[slot.source], *NEIGHBOURS[slot.target]))
         choices = {str(number): face for number, face in enumerate(near, start=1)} | {"0": "elsewhere"}
@@ -194,7 +194,7 @@ class Person:
         lab.say_face(face)
         return face
 
-    def recover(self, lab: Lab, due: Sequence[Slot], trouble: str) -> None:
+    def recover(self, lab: RobotAccess, due: Sequence[Slot], trouble: str) -> None:
         """See Hands."""
         self._panel.show(trouble=trouble)
         self.ask("Remove the cause; lift the robot, hands clear.", {ENTER: "reset and arm again"})

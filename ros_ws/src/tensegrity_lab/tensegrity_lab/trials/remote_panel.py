@@ -12,7 +12,6 @@ import json
 import os
 import secrets
 import threading
-from contextlib import suppress
 from dataclasses import asdict
 from types import TracebackType
 from typing import Any
@@ -20,7 +19,6 @@ from typing import Any
 from tensegrity_lab.terminal.keys import ENTER
 from tensegrity_lab.trials.panel import Panel, Shown
 
-PANEL_TOPIC, KEY_TOPIC = "trial/panel", "trial/key"
 _BYTES = {ENTER: b"\r"}
 KNOWN = frozenset("yvnuqpm0123456789")
 LONGEST = 200
@@ -54,17 +52,17 @@ class Remote:
     def __init__(self) -> None:
         import rclpy
         from rclpy.context import Context
-        from rclpy.executors import SingleThreadedExecutor
         from rclpy.node import Node
         from rclpy.signals import SignalHandlerOptions
         from std_msgs.msg import String
 
-        from tensegrity_robot.ros import qos
+        from tensegrity_lab.stack.ros_thread import Spinner
         from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+        from tensegrity_robot.ros.topics import TRIAL_KEY, TRIAL_PANEL
 
         os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self.keys_from, self._keys_to = os.pipe()
-        self._string = String
+        self._string, self._key_topic = String, TRIAL_KEY.name
         self._lock = threading.Lock()
         self._shown: Shown | None = None
         self._id = ""
@@ -72,18 +70,9 @@ class Remote:
         self._context = Context()
         rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._node = Node("sixstrut_trial", context=self._context)
-        self._panel = self._node.create_publisher(String, PANEL_TOPIC, qos.LATCHED)
-        self._node.create_subscription(String, KEY_TOPIC, self._on_key, qos.STATES)
-        self._executor = SingleThreadedExecutor(context=self._context)
-        self._executor.add_node(self._node)
-        self._thread = threading.Thread(target=self._spin, name="remote", daemon=True)
-        self._thread.start()
-
-    def _spin(self) -> None:
-        from rclpy.executors import ExternalShutdownException
-
-        with suppress(ExternalShutdownException):
-            self._executor.spin()
+        self._panel = TRIAL_PANEL.publisher(self._node)
+        TRIAL_KEY.subscribe(self._node, self._on_key)
+        self._spinner = Spinner(self._node, self._context)
 
     def _on_key(self, message: Any) -> None:
         key, panel = key_of(str(message.data))
@@ -96,7 +85,7 @@ class Remote:
         if not meant and not self._warned:
             self._warned = True
             self._node.get_logger().warning(
-                f"a key on {KEY_TOPIC} answers no panel of this session: ignored, as all such are; is a bag being played beside it?"
+                f"a key on {self._key_topic} answers no panel of this session: ignored, as all such are; is a bag played beside it?"
             )
 
     def show(self, shown: Shown | None) -> None:
@@ -119,9 +108,7 @@ class Remote:
 
         self.show(None)
         self._panel.wait_for_all_acked(Duration(seconds=1.0))
-        self._executor.shutdown()
-        self._thread.join(5.0)
-        self._node.destroy_node()
+        self._spinner.close()
         rclpy.try_shutdown(context=self._context)
         os.close(self._keys_to)
         os.close(self.keys_from)

@@ -18,11 +18,11 @@ from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
 from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
-from tensegrity_lab.errors import SessionError, StackError
+from tensegrity_lab.errors import SessionError, StackError, granted
 from tensegrity_lab.session_data.bag_messages import message_of
 from tensegrity_lab.session_data.folder import LIBRARY, LOGS, SessionFolder
 from tensegrity_lab.session_data.record import Line
-from tensegrity_lab.stack.processes import Stack, executable, ros_arguments, wait_until
+from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
 from tensegrity_lab.stack.virtual_stack import start_prototype
 
@@ -67,7 +67,7 @@ class Rolled(NamedTuple):
     faults: str
 
 
-class Lab:
+class RobotAccess:
     """The stack, and a client of it. Nothing is started before `start`."""
 
     def __init__(self, session: SessionFolder, hardware: Hardware, *locks: int):
@@ -95,13 +95,13 @@ class Lab:
         port, meant = (hardware.port, read_handshake(hardware.port)) if hardware.port else self._start_prototype(stack, face)
         prototype = "" if meant is None else meant.instance
         library = (self._session.path / LIBRARY).resolve()
-        planner = {
+        planner: dict[str, Any] = {
             "library": library,
             # a person judges in their own time, after the roll
             "confirm": "observed" if hardware.observed else "predicted",
             **({"prototype": prototype} if prototype else {}),
         }
-        bridge = {
+        bridge: dict[str, Any] = {
             "port": port,
             "board": hardware.board,
             "baud": hardware.baud,
@@ -113,13 +113,12 @@ class Lab:
         }
         if not hardware.port:
             bridge |= {"time_scale": hardware.time_scale, "state_folder": self._links}
-        stack.start("twin", [executable("tensegrity_robot", "twin"), *ros_arguments({"start_face": face})])
-        stack.start("gait_planner", [executable("tensegrity_robot", "gait_planner"), *ros_arguments(planner)])
-        given = {name: value for name, value in bridge.items() if value not in ("", 0)}
-        stack.start("hardware_bridge", [executable("tensegrity_robot", "hardware_bridge"), *ros_arguments(given)])
-        from tensegrity_lab.stack.operator_client import Operator  # rclpy: only once the processes are on their way
+        stack.node("twin", start_face=face)
+        stack.node("gait_planner", **planner)
+        stack.node("hardware_bridge", **{name: value for name, value in bridge.items() if value not in ("", 0)})
+        from tensegrity_lab.stack.client import StackClient  # rclpy: only once the processes are on their way
 
-        self.operator = Operator(stack, prototype)
+        self.operator = StackClient(stack, prototype)
         self.operator.wait_for_stack(hardware.observed)
         if self.operator.bridge.virtual_port != settings.virtual_robot:
             kind = "a virtual prototype's" if self.operator.bridge.virtual_port else "a real one"
@@ -164,17 +163,17 @@ class Lab:
 
     def reset(self) -> None:
         """Leave a latched fault, to DISARMED. Raises StackError."""
-        self.operator.trigger("reset")
+        granted(self.operator.trigger("reset"), "reset failed")
 
     def stop_motion(self) -> None:
         """Stop at once, latched. Raises StackError."""
-        self.operator.trigger("stop")
+        granted(self.operator.trigger("stop"), "stop failed")
 
     def say_face(self, face: str) -> None:
         """A person sees the robot on this face; empty: on none. Raises StackError."""
         self.operator.set_face(face)
         told = lambda: self.operator.observed is not None and self.operator.observed.face == face  # noqa: E731
-        wait_until(told, 10.0, "the bridge's word of the face", self._stack)
+        self.operator.wait(told, "the bridge's word of the face", 10.0)
 
     def log(self, line: Line) -> None:
         """Put a line into the bag; on return it is on the disk. Raises StackError."""
@@ -207,7 +206,7 @@ class Lab:
     def wait_for_rest(self) -> str:
         """Until an observer sees the robot at rest; its face. Raises StackError."""
         seen = lambda: self.operator.observed is not None and self.operator.observed.settled  # noqa: E731
-        wait_until(seen, 10.0 + CALM_LIMIT_S / self.scale, "rest, as the observer sees it,", self._stack)
+        self.operator.wait(seen, "rest, as the observer sees it,", 10.0 + CALM_LIMIT_S / self.scale)
         return self.face
 
     def trouble(self) -> str:
@@ -229,7 +228,7 @@ class Lab:
     def wait_for_growing_log(self) -> None:
         """Until the bag has grown. Raises StackError: it does not."""
         before = self.operator.bridge.bag_messages
-        wait_until(lambda: self.operator.bridge.bag_messages > before, 5.0, "growth of the bag", self._stack)
+        self.operator.wait(lambda: self.operator.bridge.bag_messages > before, "growth of the bag", 5.0)
 
     def bag_place(self, time_ns: int) -> tuple[str, float]:
         """The bag's file name, and how long after its first message a time is (s)."""
@@ -246,7 +245,7 @@ class Lab:
             watch()
             return bool(self.operator.bridge.duty_left_s >= needed_s)
 
-        wait_until(rested, 30.0 + 700.0 / self.scale, "the actuators' rest", self._stack)
+        self.operator.wait(rested, "the actuators' rest", 30.0 + 700.0 / self.scale)
 
     def slow_down(self) -> bool:
         """At half the time scale from the next start on, if the last roll's orders came too late; False: no need, or no way."""
@@ -273,7 +272,7 @@ class Lab:
         self._late.forget()
         self._too_late = ""
         limit_s = 30.0 + ROLL_LIMIT_S / self.scale
-        result = self.operator.roll(target, tell, limit_s, source=source, primitive=primitive, watch=look)
+        result = self.operator.roll(target, source, primitive, tell=tell, limit_s=limit_s, watch=look)
         errors = self.operator.bridge.write_errors - before
         if errors:
             complaints.append(f"{errors} write errors")

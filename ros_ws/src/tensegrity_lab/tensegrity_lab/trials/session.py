@@ -20,7 +20,7 @@ from tensegrity_lab.session_data.record import Event, Line, Outcome, utc_ns, utc
 from tensegrity_lab.terminal.keys import Keys
 from tensegrity_lab.trials.judge import Hands, Verdict
 from tensegrity_lab.trials.panel import LEAVE, UNDO, Panel
-from tensegrity_lab.trials.robot_access import Lab, Rolled
+from tensegrity_lab.trials.robot_access import RobotAccess, Rolled
 from tensegrity_lab.trials.time_estimate import runs_s
 
 VOIDS_ALLOWED = 3
@@ -37,7 +37,7 @@ class Session:
         self,
         folder: SessionFolder,
         ledger: Ledger,
-        lab: Lab,
+        lab: RobotAccess,
         hands: Hands,
         panel: Panel,
         experimenter: str,
@@ -52,7 +52,7 @@ class Session:
         self._keys = keys
         self._forecast_s = forecast_s
         self._began_s = 0.0
-        self._pause = self._leave = False
+        self._leave = False
         self._tried = 0
         self._unlogged: list[Line] = []
 

@@ -46,7 +46,7 @@ from tensegrity_lab.terminal.keys import Keys, pressed, require_keyboard
 from tensegrity_lab.trials.judge import Hands, Observer, Person
 from tensegrity_lab.trials.panel import Lines, Live, Panel, duration_text
 from tensegrity_lab.trials.remote_panel import Mirrored, Remote
-from tensegrity_lab.trials.robot_access import Hardware, Lab
+from tensegrity_lab.trials.robot_access import Hardware, RobotAccess
 from tensegrity_lab.trials.session import Session
 from tensegrity_lab.trials.time_estimate import HANDS, PROGRAM, Estimate, Pace, estimate
 
@@ -232,7 +232,7 @@ class _Run:
             asked.rested_s,
             asked.silent_board,
         )
-        lab = Lab(folder, hardware, lock, *domain.locks)
+        lab = RobotAccess(folder, hardware, lock, *domain.locks)
         kind = "virtual trials" if folder.settings.virtual_robot else "trials"
         panel: Panel = Live(kind) if sys.stdout.isatty() else Lines(kind)
         try:

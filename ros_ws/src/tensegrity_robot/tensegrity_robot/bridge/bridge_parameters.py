@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
+from hardware_bridge.boards.names import SERVO_BOARD
 from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.limits import Limits, Pacing
@@ -23,9 +24,7 @@ class BridgeParameters:
     """Parameters of the bridge; the descriptions are what `ros2 param describe` shows."""
 
     port: str = parameter("", "device or socket://HOST:PORT of the board; empty: the virtual prototype's well-known link")
-    board: str = parameter(
-        "lsc", "servo board: lsc, ssc32 or maestro, the last with :device=N (Pololu protocol) and :crc if so set"
-    )
+    board: str = parameter("lsc", SERVO_BOARD)
     baud: int = parameter(0, "rate of board and port [baud]; 0: the board's usual, lsc 9600, else 115200", low=0, high=1_000_000)
     observer: str = parameter("", "Unix socket of an observer; empty: the virtual prototype's own, if the port is its")
     time_scale: float = parameter(

@@ -13,17 +13,11 @@ import traceback
 from pathlib import Path
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path as PathMessage
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
-from trajectory_msgs.msg import JointTrajectory
-from visualization_msgs.msg import MarkerArray
 
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.driver.events import FaceEvent, SentEvent, Snapshot
@@ -35,7 +29,7 @@ from hardware_bridge.recording.session_bag import SessionLog, bag_folder, mend_j
 from hardware_bridge.safety.supervisor_messages import Mode
 from hardware_bridge.safety.trajectory import Trajectory
 from sim_core.errors import SimError
-from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
+from tensegrity_interfaces.msg import TwinState
 from tensegrity_robot.bridge import bridge_diagnostics, bridge_messages
 from tensegrity_robot.bridge.bridge_diagnostics import LogFacts
 from tensegrity_robot.bridge.bridge_parameters import BridgeParameters, rules_of, session_files
@@ -48,10 +42,20 @@ from tensegrity_robot.bridge.recorded_topics import RecordedTopics
 from tensegrity_robot.bridge.services import BridgeCalls
 from tensegrity_robot.bridge.shape_judge import ShapeRule
 from tensegrity_robot.bridge.trial_service import serve_trial_log
-from tensegrity_robot.ros import conversions, qos
+from tensegrity_robot.ros import conversions
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_parameters import declare_parameters
 from tensegrity_robot.ros.node_process import End, run
+from tensegrity_robot.ros.topics import (
+    ASKED,
+    BRIDGE_FACE,
+    BRIDGE_JOINT_STATES,
+    BRIDGE_STATE,
+    DIAGNOSTICS,
+    STRUTS_SENT,
+    TOPICS,
+    TWIN_STATE,
+)
 
 FEEDBACK_PERIOD_S = 0.1
 STATE_PERIOD_S = 0.5
@@ -111,22 +115,17 @@ class HardwareBridgeNode(LifecycleNode):
     def _make_topics(self) -> None:
         self._topics = topics = RecordedTopics(self)
         self._others = OtherBridges(self)
-        self._asked = topics.publisher(JointTrajectory, "bridge/asked", qos.STATES)
-        self._sent = topics.publisher(StrutsSent, "bridge/struts_sent", qos.STREAM)
-        self._face = topics.publisher(FaceObservation, "bridge/face", qos.FACES)
-        self._state = topics.publisher(BridgeState, "bridge/state", qos.LATCHED)
-        self._joint_states = topics.publisher(JointState, "bridge/joint_states", qos.STATES)
+        self._asked = topics.publisher(ASKED)
+        self._sent = topics.publisher(STRUTS_SENT)
+        self._face = topics.publisher(BRIDGE_FACE)
+        self._state = topics.publisher(BRIDGE_STATE)
+        self._joint_states = topics.publisher(BRIDGE_JOINT_STATES)
         self._observing = Observing(self, topics, self._settings.frame, self._settings.stall_limit_m)
-        self._diagnostics = topics.publisher(DiagnosticArray, "/diagnostics", qos.STATES)
-        topics.record(TwinState, "twin/state", qos.STATES, self._follows_this_stream)
-        topics.record(Rehearsal, "rehearsal", qos.LATCHED)
-        topics.record(FaceObservation, "twin/face", qos.FACES)
-        topics.record(JointState, "twin/joint_states", qos.STATES)
-        topics.record(PoseStamped, "twin/pose", qos.STATES)
-        topics.record(MarkerArray, "twin/markers", qos.STATES)  # so that a viewer shows the robot of a bag, without our software
-        topics.record(PoseStamped, "goal_pose", qos.STATES)
-        topics.record(PoseStamped, "travel/goal", qos.LATCHED)
-        topics.record(PathMessage, "travel/path", qos.LATCHED)
+        self._diagnostics = topics.publisher(DIAGNOSTICS)
+        for topic in TOPICS:
+            if topic.told_by == "others":
+                wanted = {"wanted": self._follows_this_stream} if topic == TWIN_STATE else {}
+                topics.record(topic, **wanted)
         serve_trial_log(self, topics)
 
     # ---- life -------------------------------------------------------------------------------------------------------

@@ -6,7 +6,6 @@ from __future__ import annotations
 import time
 
 import numpy as np
-from geometry_msgs.msg import PoseArray
 from rclpy.lifecycle import LifecycleNode
 from std_msgs.msg import Header
 
@@ -16,14 +15,12 @@ from hardware_bridge.errors import BridgeError, StateError
 from hardware_bridge.prototype_client.observation import Observation
 from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.topology import STRUTS
+from sim_core.twin.rest_detector import STRUTS_HOLD_S
 from tensegrity_interfaces.msg import FaceObservation
 from tensegrity_robot.bridge import bridge_messages
 from tensegrity_robot.bridge.recorded_topics import RecordedTopics
-from tensegrity_robot.ros import qos
 from tensegrity_robot.ros.event_filters import ObservationFilter
-
-STILL_S = 0.5
-"""Robot time for which a strut must not have moved before it is said to have stalled: under load it only goes slowly."""
+from tensegrity_robot.ros.topics import OBSERVED_JOINTS
 
 STILL_M = 0.0003
 """A change of length that is none: of what is seen of a strut at rest."""
@@ -51,8 +48,8 @@ class StillWatch:
 
     @property
     def is_still(self) -> bool:
-        """No strut has changed its length for `STILL_S`, all of it after the last frame."""
-        return self._seen_ns - max(self._since_ns, self._sent_ns) >= STILL_S * 1e9
+        """No strut has changed its length for `STRUTS_HOLD_S`, all of it after the last frame."""
+        return self._seen_ns - max(self._since_ns, self._sent_ns) >= STRUTS_HOLD_S * 1e9
 
     @property
     def is_after_last_frame(self) -> bool:
@@ -92,7 +89,7 @@ class Observing:
         self._node = node
         self._topics = topics
         self._frame = frame
-        self._observed = topics.publisher(PoseArray, "bridge/observed_joints", qos.STATES)
+        self._observed = topics.publisher(OBSERVED_JOINTS)
         self._news = ObservationFilter()
         self._client: ObserverClient | None = None
         self._bridge: RemoteBridge | None = None

@@ -15,6 +15,7 @@ from hardware_bridge.errors import Refused
 from sim_core.twin.live_bridge import is_fresh
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_robot.ros import qos
+from tensegrity_robot.ros.topics import BRIDGE_STATE
 
 HEARD_S = 1.5
 """A bridge that has not been heard for so long is none: three of its periods."""
@@ -34,7 +35,7 @@ class OtherBridges:
         self._made_s = time.monotonic()
         self._own: set[str] = set()
         self._heard: dict[str, tuple[float, str]] = {}
-        self._states = node.create_subscription(BridgeState, "bridge/state", self._hear, qos.FACES)
+        self._states = BRIDGE_STATE.subscribe(node, self._hear, qos.FACES)
 
     def own(self, session: str) -> None:
         """A session of this bridge; what it told before is its own, too."""
@@ -45,7 +46,7 @@ class OtherBridges:
         now = time.monotonic()
         for session, (heard_s, port) in self._heard.items():
             if session not in self._own and now - heard_s < HEARD_S:
-                name = self._node.resolve_topic_name("bridge/state")
+                name = self._node.resolve_topic_name(BRIDGE_STATE.name)
                 raise Refused(
                     f"another bridge, with port {port}, answers to the same names ({name}): end it, or start this one in a "
                     "namespace or ROS domain of its own"

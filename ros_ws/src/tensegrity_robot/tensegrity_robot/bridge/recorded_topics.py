@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 
 from rclpy.lifecycle import LifecycleNode
 from rclpy.publisher import Publisher
-from rclpy.qos import QoSProfile
 
 from hardware_bridge.recording.bag_quota import Quota
 from hardware_bridge.recording.session_bag import SessionLog
-from tensegrity_robot.ros import qos
 from tensegrity_robot.ros.cdr import wire_bytes
+from tensegrity_robot.ros.topics import Topic
 
 
 class Recorded(NamedTuple):
@@ -44,16 +43,16 @@ class RecordedTopics:
         """Messages of other nodes that were over their topic's quota, by topic."""
         return {name: quota.dropped for name, quota in self._quotas.items() if quota.dropped}
 
-    def publisher(self, kind: Any, topic: str, profile: QoSProfile) -> Recorded:
+    def publisher(self, topic: Topic) -> Recorded:
         """A publisher for `publish`."""
-        publisher = self._node.create_publisher(kind, topic, profile)
-        type_name = self._add(kind, publisher.topic_name, profile)
-        return Recorded(publisher, publisher.topic_name, type_name)
+        publisher = topic.publisher(self._node)
+        self.types[publisher.topic_name] = (topic.type_name, topic.latched)
+        return Recorded(publisher, publisher.topic_name, topic.type_name)
 
-    def record(self, kind: Any, topic: str, profile: QoSProfile, wanted: Callable[[bytes], bool] = lambda data: True) -> None:
+    def record(self, topic: Topic, wanted: Callable[[bytes], bool] = lambda data: True) -> None:
         """Record what another node publishes, as far as its quota goes, if it is wanted."""
-        name = self._node.resolve_topic_name(topic)
-        type_name = self._add(kind, name, profile)
+        name = self._node.resolve_topic_name(topic.name)
+        self.types[name] = (topic.type_name, topic.latched)
         quota = self._quotas[name] = Quota()
 
         def record(data: bytes) -> None:
@@ -63,9 +62,9 @@ class RecordedTopics:
                 if quota.dropped == 1:
                     self._node.get_logger().warning(f"{name}: more, or longer, than the bag takes; the rest is not recorded")
             elif wanted(data):  # it may be slow: not for nothing
-                self._write(name, type_name, data)
+                self._write(name, topic.type_name, data)
 
-        self._node.create_subscription(kind, topic, record, profile, raw=True)
+        topic.subscribe(self._node, record, raw=True)
 
     def publish(self, to: Recorded, message: Any) -> None:
         """Serialise once, record, publish. From any thread."""
@@ -77,8 +76,3 @@ class RecordedTopics:
         log = self.log  # it may end meanwhile, in another thread
         if log is not None:
             log.write(topic, type_name, data, time.time_ns())  # the system's clock, never a simulated one
-
-    def _add(self, kind: Any, topic: str, profile: QoSProfile) -> str:
-        type_name = f"{kind.__module__.split('.')[0]}/msg/{kind.__name__}"
-        self.types[topic] = (type_name, profile in (qos.FACES, qos.LATCHED))
-        return type_name

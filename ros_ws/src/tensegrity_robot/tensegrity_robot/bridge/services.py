@@ -14,8 +14,8 @@ from hardware_bridge.errors import BridgeError, Refused
 from hardware_bridge.safety.lease_proof import Verifier
 from tensegrity_interfaces.msg import FaceObservation, LeaseProof
 from tensegrity_interfaces.srv import Arm, Disarm, SetFace
-from tensegrity_robot.ros import qos
 from tensegrity_robot.ros.background import elsewhere
+from tensegrity_robot.ros.topics import LEASE
 
 
 class Owner(Protocol):
@@ -44,7 +44,7 @@ class BridgeCalls:
         node.create_service(Arm, "bridge/arm", self._on_arm, callback_group=ReentrantCallbackGroup())
         node.create_service(Trigger, "reset", self._on_reset, callback_group=ReentrantCallbackGroup())
         node.create_service(SetFace, "set_face", self._on_set_face)
-        node.create_subscription(LeaseProof, "bridge/lease", self._on_proof, qos.STATES)
+        LEASE.subscribe(node, self._on_proof)
 
     def let_go(self) -> None:
         """Ends any motion, struts held, and takes the lease back."""

@@ -7,18 +7,15 @@ from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.lifecycle import LifecycleNode
 
 from hardware_bridge.errors import BridgeError
-from tensegrity_interfaces.msg import TrialRecord
 from tensegrity_interfaces.srv import LogTrial
 from tensegrity_robot.bridge.recorded_topics import RecordedTopics
-from tensegrity_robot.ros import qos
 from tensegrity_robot.ros.background import elsewhere
-
-TOPIC = "bridge/trial"
+from tensegrity_robot.ros.topics import TRIAL
 
 
 def serve_trial_log(node: LifecycleNode, topics: RecordedTopics) -> None:
     """Serve `log_trial` on a node: publish and record the line on `bridge/trial`, then wait for the disk."""
-    trials = topics.publisher(TrialRecord, TOPIC, qos.FACES)
+    trials = topics.publisher(TRIAL)
 
     async def log_trial(request: LogTrial.Request, response: LogTrial.Response) -> LogTrial.Response:
         log = topics.log

@@ -27,6 +27,7 @@ from sim_core.gaits.library import Gait, load_library
 from sim_core.gaits.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View, known_face
 from sim_core.gaits.strut_motion import Knot, constant_speed_knots
 from sim_core.gaits.success_probability import load_odds
+from sim_core.names import STRUT_NAMES
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage, is_warm
 from sim_core.structure.parameters import load_prototype
@@ -42,8 +43,7 @@ from tensegrity_robot.planner.face_graph_service import serve_face_graph
 from tensegrity_robot.planner.lease_client import CALL_TIMEOUT_S, Lease
 from tensegrity_robot.planner.rehearsal_worker import Rehearser, Rehearsing, rehearsal_message
 from tensegrity_robot.planner.rehearse_service import serve_rehearse, wanted_gait
-from tensegrity_robot.ros import qos
-from tensegrity_robot.ros.conversions import STRUT_NAMES
+from tensegrity_robot.ros import qos, topics
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.event_filters import EventTimes
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
@@ -135,7 +135,6 @@ class GaitPlannerNode(Node):
         )
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._bridge: BridgeState | None = None
-        self._bridge_heard = 0.0
         self._sent: StrutsSent | None = None
         self._twin: TwinState | None = None
         self._twin_newest: TwinState | None = None
@@ -145,14 +144,14 @@ class GaitPlannerNode(Node):
         self._live = LiveBridge(self.get_logger().warning, self._forget_times)
         self._roll: _Running | None = None
 
-        self.create_subscription(BridgeState, "bridge/state", self._on_bridge_state, qos.LATCHED)
+        topics.BRIDGE_STATE.subscribe(self, self._on_bridge_state)
         live = self._live.takes
-        self.create_subscription(StrutsSent, "bridge/struts_sent", lambda event: live(event, self._on_sent), qos.STATES)
-        self.create_subscription(FaceObservation, "bridge/face", lambda event: live(event, self._on_face), qos.FACES)
-        self.create_subscription(TwinState, "twin/state", self._on_twin, qos.STATES)
+        topics.STRUTS_SENT.subscribe(self, lambda event: live(event, self._on_sent), qos.STATES)
+        topics.BRIDGE_FACE.subscribe(self, lambda event: live(event, self._on_face))
+        topics.TWIN_STATE.subscribe(self, self._on_twin)
         self._lease = Lease(self, self._steady, self._look, p.prototype)
         self._struts = ActionClient(self, ExecuteStruts, "execute_struts")
-        self._rehearsals = self.create_publisher(Rehearsal, "rehearsal", qos.LATCHED)
+        self._rehearsals = topics.REHEARSAL.publisher(self)
         self._rehearser = (
             Rehearser(self._prototype, Law(p.rehearse_scale, incline_deg=p.rehearse_incline_deg), p.rehearse_members, SEED)
             if p.rehearse_members

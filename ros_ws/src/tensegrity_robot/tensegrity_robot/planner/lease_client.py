@@ -13,10 +13,10 @@ from rclpy.node import Node
 from rclpy.task import Future
 
 from hardware_bridge.safety.lease_proof import Prover
-from sim_core.files.printable import NAME_MOST, printable
+from sim_core.printable import NAME_MOST, printable
 from tensegrity_interfaces.msg import BridgeState, LeaseProof
 from tensegrity_interfaces.srv import Arm, Disarm
-from tensegrity_robot.ros import qos
+from tensegrity_robot.ros.topics import LEASE
 
 PERIOD_S = 0.1
 FRESH_S = 1.5
@@ -52,7 +52,7 @@ class Lease:
         self._seen = False
         self._disarming = False
         self._heard = 0.0
-        self._proof = node.create_publisher(LeaseProof, "bridge/lease", qos.STATES)
+        self._proof = LEASE.publisher(node)
         self._bridge_arm = node.create_client(Arm, "bridge/arm")
         self._bridge_disarm = node.create_client(Disarm, "bridge/disarm")
         waiting = ReentrantCallbackGroup()  # for the bridge's answer; in the node's own group all else would wait with them

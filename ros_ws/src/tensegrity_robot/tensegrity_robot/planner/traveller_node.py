@@ -39,7 +39,7 @@ from sim_core.twin.live_bridge import FRESH_S, LiveBridge, age_s, is_fresh
 from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import FaceGraph
-from tensegrity_robot.ros import qos
+from tensegrity_robot.ros import topics
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
 from tensegrity_robot.ros.node_process import End, run
@@ -113,14 +113,14 @@ class TravellerNode(Node):
 
         self._live = live = LiveBridge(self.get_logger().warning)
         keep = self._keep("_face")
-        self.create_subscription(BridgeState, "bridge/state", self._on_bridge_state, qos.LATCHED)
-        self.create_subscription(FaceObservation, "bridge/face", lambda event: live.takes(event, keep), qos.FACES)
-        self.create_subscription(TwinState, "twin/state", self._keep("_twin"), qos.STATES)
-        self.create_subscription(PoseArray, "twin/joints", self._keep_joints("_twin_joints"), qos.STATES)
-        self.create_subscription(PoseArray, "bridge/observed_joints", self._keep_joints("_seen_joints"), qos.STATES)
-        self.create_subscription(PoseStamped, "goal_pose", self._on_goal_pose, qos.STATES)
-        self._path = self.create_publisher(PathMessage, "travel/path", qos.LATCHED)
-        self._goal = self.create_publisher(PoseStamped, "travel/goal", qos.LATCHED)
+        topics.BRIDGE_STATE.subscribe(self, self._on_bridge_state)
+        topics.BRIDGE_FACE.subscribe(self, lambda event: live.takes(event, keep))
+        topics.TWIN_STATE.subscribe(self, self._keep("_twin"))
+        topics.TWIN_JOINTS.subscribe(self, self._keep_joints("_twin_joints"))
+        topics.OBSERVED_JOINTS.subscribe(self, self._keep_joints("_seen_joints"))
+        topics.GOAL_POSE.subscribe(self, self._on_goal_pose)
+        self._path = topics.TRAVEL_PATH.publisher(self)
+        self._goal = topics.TRAVEL_GOAL.publisher(self)
         self._rolls = ActionClient(self, Roll, "roll")
         self._graph = self.create_client(FaceGraph, "face_graph")
         self._own = ActionClient(self, Travel, "travel")

@@ -10,13 +10,12 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from sim_core.dynamics.robot import Robot
+from sim_core.names import STRUT_NAMES
 from sim_core.structure.arrays import Array
 from sim_core.structure.rotations import quaternion_of
 from sim_core.structure.topology import TENDONS
 from sim_core.twin.follower import Observed, Sent
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
-
-STRUT_NAMES = [f"S{number}" for number in range(1, 7)]
 
 
 def sent_event(message: StrutsSent) -> Sent:

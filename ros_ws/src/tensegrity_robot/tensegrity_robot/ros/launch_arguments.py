@@ -9,6 +9,7 @@ import os
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
+from hardware_bridge.boards.names import SERVO_BOARD
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.errors import BridgeError
@@ -24,7 +25,7 @@ from tensegrity_robot.ros.errors import StartError
 ARGUMENTS = (
     ("virtual", "true", "start a virtual prototype and drive it; false: drive the board at `port`"),
     ("port", "", "device or socket://HOST:PORT of the board; empty: the virtual prototype's link"),
-    ("board", "lsc", "servo board: lsc, ssc32, maestro, maestro:crc, maestro:device=12:crc"),
+    ("board", "lsc", SERVO_BOARD),
     ("perturbation", "0.05", "how far the virtual prototype is off the nominal robot, 0.05 for ±5 %"),
     ("incline", "0.0", "incline of the virtual prototype's ground in degrees, downhill in a direction that the seed draws"),
     ("seed", "0", "draws the virtual prototype's true parameters"),

@@ -21,7 +21,6 @@ from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory
-from visualization_msgs.msg import MarkerArray
 
 from hardware_bridge.driver.frame_timer import Streamer
 from sim_core.dynamics.actuators import following, require_actuators
@@ -37,7 +36,7 @@ from sim_core.twin.rest_detector import RestWatch
 from sim_core.twin.standalone import StandAlone
 from sim_core.uncertainty.seeded_perturbation import MAX_SCALE, perturb
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
-from tensegrity_robot.ros import conversions, qos
+from tensegrity_robot.ros import conversions, topics
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
 from tensegrity_robot.ros.node_process import End, age_s, run
@@ -118,18 +117,18 @@ class TwinNode(Node):
         self._told_start = False
         self._full_scale_n = TENDON_FULL_SCALE * float(Robot(self._model).cable_forces_n()[:24].mean())
 
-        self._state = self.create_publisher(TwinState, "twin/state", qos.STATES)
-        self._face = self.create_publisher(FaceObservation, "twin/face", qos.FACES)
-        self._joint_states = self.create_publisher(JointState, "twin/joint_states", qos.STATES)
-        self._joints = self.create_publisher(PoseArray, "twin/joints", qos.STATES)
-        self._pose = self.create_publisher(PoseStamped, "twin/pose", qos.STATES)
-        self._markers = self.create_publisher(MarkerArray, "twin/markers", qos.STATES)
+        self._state = topics.TWIN_STATE.publisher(self)
+        self._face = topics.TWIN_FACE.publisher(self)
+        self._joint_states = topics.TWIN_JOINT_STATES.publisher(self)
+        self._joints = topics.TWIN_JOINTS.publisher(self)
+        self._pose = topics.TWIN_POSE.publisher(self)
+        self._markers = topics.TWIN_MARKERS.publisher(self)
         if self._alone is None:
             found = SubscriptionEventCallbacks(matched=self._on_bridge_found)
-            self.create_subscription(StrutsSent, "bridge/struts_sent", self._on_sent, qos.STREAM, event_callbacks=found)
-            self.create_subscription(FaceObservation, "bridge/face", self._on_face, qos.FACES)
+            topics.STRUTS_SENT.subscribe(self, self._on_sent, event_callbacks=found)
+            topics.BRIDGE_FACE.subscribe(self, self._on_face)
         else:
-            self.create_subscription(JointTrajectory, "twin/command", self._on_command, qos.STATES)
+            topics.TWIN_COMMAND.subscribe(self, self._on_command)
         if p.markers_hz > 0.0:
             self.create_timer(1.0 / p.markers_hz, self._publish_markers)
         self.get_logger().info(f"twin ({p.mode}) stands on {p.start_face}, model {self._follower.identity}")

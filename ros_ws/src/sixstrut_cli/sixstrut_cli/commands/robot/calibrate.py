@@ -11,6 +11,8 @@ from typing import Annotated
 
 import typer
 
+from sixstrut_cli.options import BoardOption
+
 
 def command(
     file: Annotated[Path, typer.Argument(help="The YAML to write.")] = Path("calibration.yaml"),
@@ -21,7 +23,7 @@ def command(
         str,
         typer.Option(help="Device or socket://HOST:PORT; default: the virtual prototype's link.", show_default=False),
     ] = "",
-    board: Annotated[str, typer.Option(help="lsc, ssc32 or maestro, the last with :device=N and :crc if so set.")] = "lsc",
+    board: BoardOption = "lsc",
     baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
     silent_board: Annotated[bool, typer.Option("--silent-board", help="This board cannot answer; move it all the same.")] = False,
     virtual: Annotated[bool, typer.Option("--virtual", help="Practise on a virtual prototype of its own.")] = False,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import MOST_PERTURBATION, DomainOption, LibraryOption
+from sixstrut_cli.options import MOST_PERTURBATION, BoardOption, DomainOption, LibraryOption
 
 
 def command(
@@ -21,7 +21,7 @@ def command(
     perturbation: Annotated[
         float, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the prototype is off, 0.05 for ±5 %.")
     ] = 0.05,
-    board: Annotated[str, typer.Option(help="Servo board to emulate: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
+    board: BoardOption = "lsc",
     actuators: Annotated[str, typer.Option(help="The prototype's actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
     library: LibraryOption = "robust",
     bags: Annotated[Path, typer.Option(help="Folder for the recorded bag and the picture.")] = Path("bags"),

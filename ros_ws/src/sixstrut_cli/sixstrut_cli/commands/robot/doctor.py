@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption
+from sixstrut_cli.options import BoardOption, JsonOption
 
 EXIT_MEND = 4
 
@@ -19,7 +19,7 @@ def command(
         str,
         typer.Option(help="Device or socket://HOST:PORT; default: the virtual prototype's link.", show_default=False),
     ] = "",
-    board: Annotated[str, typer.Option(help="lsc, ssc32 or maestro, the last with :device=N and :crc if so set.")] = "lsc",
+    board: BoardOption = "lsc",
     baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
     calibration: Annotated[Path | None, typer.Option(help="The robot's calibration YAML.", show_default=False)] = None,
     as_json: JsonOption = False,

@@ -15,6 +15,7 @@ import typer
 from sixstrut_cli.options import (
     MOST_INCLINE_DEG,
     MOST_PERTURBATION,
+    BoardOption,
     DomainOption,
     JsonOption,
     LibraryOption,
@@ -45,7 +46,7 @@ def command(
     ] = 0.05,
     incline: Annotated[float, typer.Option(min=0.0, max=MOST_INCLINE_DEG, help="Of the ground, in degrees.")] = 0.0,
     time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Robot seconds per second.")] = 8.0,
-    board: Annotated[str, typer.Option(help="Servo board to emulate: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
+    board: BoardOption = "lsc",
     actuators: Annotated[str, typer.Option(help="The prototype's actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
     library: LibraryOption = "robust",
     domain: DomainOption = None,

@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import MOST_PERTURBATION, DomainOption
+from sixstrut_cli.options import MOST_PERTURBATION, BoardOption, DomainOption
 
 
 def command(
@@ -27,7 +27,7 @@ def command(
     port: Annotated[str, typer.Option(help="Device or socket://HOST:PORT of the board.", show_default=False)] = "",
     calibration: Annotated[Path | None, typer.Option(help="The robot's calibration YAML.", show_default=False)] = None,
     virtual: Annotated[bool, typer.Option("--virtual", help="Virtual trials, on a virtual prototype of its own.")] = False,
-    board: Annotated[str, typer.Option(help="Servo board: lsc, ssc32, maestro, maestro:crc.")] = "lsc",
+    board: BoardOption = "lsc",
     baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
     rested: Annotated[
         float, typer.Option(min=0.0, max=1e7, help="Seconds for which the actuators have rested; what nobody knows counts as run.")
@@ -55,7 +55,7 @@ def command(
     sixstrut trial bags/monday --primitives 1-4 --virtual --perturbation 0.1 --seed 3
     sixstrut trial bags/monday --virtual
     """
-    from sim_core.files.printable import NAME_MOST, printable
+    from sim_core.printable import NAME_MOST, printable
     from tensegrity_lab.trials.session_start import Asked, run
     from tensegrity_lab.trials.session_start import experimenter as login
 

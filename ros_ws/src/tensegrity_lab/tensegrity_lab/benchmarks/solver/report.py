@@ -14,6 +14,7 @@ from pathlib import Path
 from tensegrity_lab.benchmarks.solver.equilibrium import Rest
 from tensegrity_lab.benchmarks.solver.measure import Accuracy, Judged, Memory, Plan, Rehearsal, Speed
 from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure
+from tensegrity_lab.reports.markdown import table
 
 
 @dataclass(frozen=True)
@@ -120,12 +121,6 @@ def _threads(count: int) -> str:
 
 def _label(engine: str, step_s: float) -> str:
     return f"{engine}, {1e3 * step_s:.3g} ms"
-
-
-def table(head: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
-    """A Markdown table; all columns but the first are aligned to the right."""
-    lines = [head, ["---"] + ["--:"] * (len(head) - 1), *rows]
-    return "\n".join("| " + " | ".join(line) + " |" for line in lines)
 
 
 def _speed_table(report: Report, threads: int) -> str:

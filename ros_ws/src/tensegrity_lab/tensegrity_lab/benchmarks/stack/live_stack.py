@@ -8,10 +8,11 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
+from tensegrity_interfaces.msg import BridgeState
 from tensegrity_lab.benchmarks.stack.metrics import (
     Latency,
     Load,
@@ -22,9 +23,10 @@ from tensegrity_lab.benchmarks.stack.metrics import (
     spread,
     uneven_ms,
 )
-from tensegrity_lab.benchmarks.stack.probe import START_LIMIT_S, Probe
+from tensegrity_lab.benchmarks.stack.probe import Probe
 from tensegrity_lab.benchmarks.stack.process_usage import cpu_s
-from tensegrity_lab.stack.processes import Stack, executable, ros_arguments
+from tensegrity_lab.errors import StackError, granted
+from tensegrity_lab.stack.processes import START_LIMIT_S, Stack
 from tensegrity_lab.stack.virtual_stack import start_prototype
 
 Say = Callable[[str], None]
@@ -57,15 +59,14 @@ def run(plan: Plan, folder: Path, locks: tuple[int, ...], say: Say) -> Running:
         with _load(probe, bag) as load:
             with _twin(probe, stack, plan, "follows, at rest", twins):
                 time.sleep(plan.seconds)
-            probe.arm(neutral)
+            probe.take_lease(neutral)
             with _twin(probe, stack, plan, "follows, struts moving", twins):
                 say(f"latency: {plan.goals} goals, {plan.cancels} cancels, {plan.stops} stops")
                 latencies = _latencies(probe, plan, neutral)
     alone = folder / "alone"
     with Stack(alone, *locks) as stack, Probe(stack) as probe:
         say(f"the twin as the robot at {plan.rate_hz:g} Hz")
-        parameters = {"mode": "standalone", "rate_hz": plan.rate_hz}
-        stack.start("twin", [executable("tensegrity_robot", "twin"), *ros_arguments(parameters)])
+        stack.node("twin", mode="standalone", rate_hz=plan.rate_hz)
         probe.wait(lambda: probe.ticks, "the twin", START_LIMIT_S)
         with _twin(probe, stack, plan, "is the robot", twins):
             time.sleep(plan.seconds)
@@ -75,16 +76,15 @@ def run(plan: Plan, folder: Path, locks: tuple[int, ...], say: Say) -> Running:
 def _start(stack: Stack, folder: Path, plan: Plan) -> str:
     link = folder / "prototype"
     prototype = start_prototype(stack, link, {}).instance
-    stack.start("twin", [executable("tensegrity_robot", "twin"), *ros_arguments({"rate_hz": plan.rate_hz})])
-    bridge = {"port": link, "bag_folder": folder, "state_folder": folder}
-    stack.start("hardware_bridge", [executable("tensegrity_robot", "hardware_bridge"), *ros_arguments(bridge)])
+    stack.node("twin", rate_hz=plan.rate_hz)
+    stack.node("hardware_bridge", port=link, bag_folder=folder, state_folder=folder)
     return prototype
 
 
 @contextmanager
 def _twin(probe: Probe, stack: Stack, plan: Plan, doing: str, found: list[TwinCost]) -> Iterator[None]:
     """Measures the twin while the block lasts."""
-    pid = stack.pids()["twin"]
+    pid = stack.pid("twin")
     last = probe.ticks[-1][0]
     probe.wait(lambda: probe.ticks[-1][0] > last, "the twin's next state")
     first, began, used = len(probe.ticks), time.monotonic(), cpu_s(pid)
@@ -127,27 +127,40 @@ def _latencies(probe: Probe, plan: Plan, neutral: list[float]) -> list[Latency]:
     goals, cancels, stops = _Times(probe), _Times(probe), _Times(probe)
     for number in range(plan.goals):
         goals.begin()
-        handle, called = probe.move([length + STROKE_M * (number % 2 == 0) for length in neutral], MOTION_S)
+        handle = _move(probe, [length + STROKE_M * (number % 2 == 0) for length in neutral], MOTION_S)
+        called = probe.asked_ns
         probe.end(handle)
         goals.end(called, first_write_ns)
         time.sleep(rng.uniform(0.0, 0.06))  # over more than a frame's period
     for number in range(plan.cancels):
-        handle, _ = probe.move([length + LONG_STROKE_M * (number % 2 == 0) for length in neutral], LONG_MOTION_S)
+        handle = _move(probe, [length + LONG_STROKE_M * (number % 2 == 0) for length in neutral], LONG_MOTION_S)
         time.sleep(rng.uniform(0.1, 0.2))
         cancels.begin()
-        cancels.end(probe.cancel(handle), last_write_ns)
+        probe.cancel(handle)
+        called = probe.asked_ns
+        probe.end(handle)
+        cancels.end(called, last_write_ns)
     for number in range(plan.stops):
-        probe.move([length + LONG_STROKE_M * (number % 2 == 0) for length in neutral], LONG_MOTION_S)
+        _move(probe, [length + LONG_STROKE_M * (number % 2 == 0) for length in neutral], LONG_MOTION_S)
         time.sleep(rng.uniform(0.1, 0.2))
         stops.begin()
-        stops.end(probe.stop(), last_write_ns)
-        probe.reset()
-        probe.arm([])
+        stops.end(probe.trigger_at("stop"), last_write_ns)
+        probe.lease = ""
+        granted(probe.trigger("reset"), "reset was refused")
+        probe.sees(BridgeState.DISARMED)
+        probe.take_lease()
     return [
         goals.latency("execute_struts goal → first frame", "waits for the next frame's turn, up to 50 ms"),
         cancels.latency("cancel → frame that holds", "waits for nothing"),
         stops.latency("stop → frame that holds", "waits for nothing"),
     ]
+
+
+def _move(probe: Probe, lengths_m: list[float], seconds: float) -> Any:
+    handle = probe.begin_motion((seconds, lengths_m), lease=probe.lease)
+    if not handle.accepted:
+        raise StackError("the bridge rejected a motion")
+    return handle
 
 
 class _Times:

@@ -17,9 +17,9 @@ from pathlib import Path
 
 from sim_core.rolling.warm_up import ALL, warm_up
 from tensegrity_lab.benchmarks.stack.metrics import Compilation, Compiling, FirstState, Plan, StartUp
-from tensegrity_lab.benchmarks.stack.probe import START_LIMIT_S, Probe
+from tensegrity_lab.benchmarks.stack.probe import Probe
 from tensegrity_lab.benchmarks.stack.process_usage import cpu_s
-from tensegrity_lab.stack.processes import Stack, executable
+from tensegrity_lab.stack.processes import START_LIMIT_S, Stack
 
 LONGEST = 6
 SAID = re.compile(r"first state published ([0-9.]+) s after")
@@ -56,10 +56,10 @@ def first_state(folder: Path, cache: Path, locks: tuple[int, ...] = ()) -> First
     """A twin without a bridge, heard by somebody who was there before."""
     with Stack(folder, *locks) as stack, Probe(stack) as probe:
         began_ns = time.monotonic_ns()
-        stack.start("twin", [executable("tensegrity_robot", "twin")], {"NUMBA_CACHE_DIR": str(cache)})
+        stack.node("twin", environ={"NUMBA_CACHE_DIR": str(cache)})
         probe.wait(lambda: probe.states, "the twin's first state", START_LIMIT_S)
         probe.wait(lambda: published_s(folder / "twin.log"), "the twin's word about it")
-        used_s = cpu_s(stack.pids()["twin"])
+        used_s = cpu_s(stack.pid("twin"))
         return FirstState(published_s(folder / "twin.log") or 0.0, 1e-9 * (probe.states[0] - began_ns), used_s)
 
 
