@@ -52,8 +52,9 @@ def command(
     from hardware_bridge.saved_state.robot_identity import Identity, canonical_link
     from hardware_bridge.saved_state.robot_records import Records
     from hardware_bridge.saved_state.state_file import state_directory
+    from hardware_bridge.virtual_prototype.practice import practice_prototype
     from tensegrity_lab.commissioning.calibration_wizard import Walk, ask_robot, measured_before
-    from tensegrity_lab.commissioning.practice_prototype import Eyes, practice_prototype
+    from tensegrity_lab.commissioning.observed_lengths import Eyes
     from tensegrity_lab.terminal.keys import require_keyboard
 
     require_keyboard()

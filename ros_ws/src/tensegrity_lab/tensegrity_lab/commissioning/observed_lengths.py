@@ -1,54 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A virtual prototype to practise on, and eyes on it."""
+"""Strut lengths as the virtual prototype's observer sees them."""
 
 from __future__ import annotations
 
-import subprocess
-import sys
-import tempfile
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from types import TracebackType
 
 import numpy as np
 
-from hardware_bridge.driver.child_process import bound
-from hardware_bridge.prototype_client.handshake import read_handshake
 from hardware_bridge.prototype_client.observation import Observation
 from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.topology import STRUTS
-from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.simulation_lag import Lateness
 
-START_LIMIT_S = 180.0
-"""The first time on a machine its kernels are compiled."""
 REST_LIMIT_S = 20.0
 LATE_S = 0.2
 """A simulation no later than this is on time."""
-
-
-@contextmanager
-def practice_prototype(time_scale: float, board: str) -> Iterator[Path]:
-    """The link of a virtual prototype of its own, until the end of the block. Raises StackError: it does not start."""
-    with tempfile.TemporaryDirectory(prefix="sixstrut-practice-") as folder:
-        link = Path(folder) / "prototype"
-        words = ["-m", "hardware_bridge.virtual_prototype", "--link", str(link), "--board", board]
-        words += ["--time-scale", f"{time_scale:g}"]
-        command = bound([sys.executable, *words])
-        child = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, start_new_session=True)
-        try:
-            end = time.monotonic() + START_LIMIT_S
-            while (shake := read_handshake(str(link))) is None or shake.pid != child.pid:
-                if child.poll() is not None or time.monotonic() > end:
-                    raise StackError("the virtual prototype does not start: run ./sixstrut setup, then try again")
-                time.sleep(0.02)
-            yield link
-        finally:
-            child.terminate()
-            child.wait()
 
 
 class Eyes:
