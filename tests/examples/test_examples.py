@@ -41,10 +41,9 @@ def test_an_example_is_short_and_imports_only_public_names(name):
     text = (EXAMPLES / f"{name}.py").read_text(encoding="utf-8")
     assert len(text.splitlines()) <= 40
     for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.ImportFrom):
-            if node.module.partition(".")[0] in OURS:
-                public = {"sim_core": sim_core.__all__, "hardware_bridge": hardware_bridge.__all__}[node.module]
-                assert {alias.name for alias in node.names} <= set(public)
+        if isinstance(node, ast.ImportFrom) and node.module.partition(".")[0] in OURS:
+            public = {"sim_core": sim_core.__all__, "hardware_bridge": hardware_bridge.__all__}[node.module]
+            assert {alias.name for alias in node.names} <= set(public)
 
 
 def test_one_roll_is_plotted(run, tmp_path):

@@ -50,6 +50,14 @@ def test_a_route_names_every_roll_with_its_gait_and_odds():
     assert "TC6 → " in sixstrut("route", "TC6", "TC1").stdout
 
 
+@pytest.mark.parametrize("place", [("-0.2,0.1",), ("-0.2", "0.1")])
+def test_a_place_may_be_anywhere_on_the_floor(place):
+    result = sixstrut("route", "TC6", *place, "--reach", "0.2", "--json")
+    assert result.returncode == 0, result.stderr
+    x, y = json.loads(result.stdout)["places_m"][-1]
+    assert (x + 0.2) ** 2 + (y - 0.1) ** 2 < 0.2**2
+
+
 def test_a_search_that_was_interrupted_is_gone_on_with_and_leaves_no_state(tmp_path):
     path = tmp_path / "few.yaml"
     words = ("search", "--class", "TO5-TC6", "--keep", "2", "--generations", "2", "-o", str(path), "--json")
@@ -78,7 +86,8 @@ def test_a_roll_that_does_not_work_exits_4_and_says_why():
         (("roll", "--policy", "0 0 0 0 0 60"), 1, "S6 = 60 mm: valid is a whole number of mm in [-45, 45]"),
         (("roll", "--policy", "a b"), 2, "valid are six whole numbers"),
         (("roll", "--primitive", "P99"), 1, "no primitive 'P99'"),
-        (("roll", "--library", "nowhere"), 1, "shipped are: improved, previous, robust"),
+        (("roll", "--library", "nowhere"), 1, "no library is called 'nowhere'; shipped are: improved, previous, robust"),
+        (("roll", "--library", "/nowhere.yaml"), 1, "cannot read library /nowhere.yaml: No such file"),
         (("roll", "--perturbation", "0.9"), 1, "perturbation scale 0.9"),
         (("parameters", "--prototype", "/nowhere.yaml"), 1, "/nowhere.yaml: No such file"),
         (("robustness", "nowhere"), 1, "shipped are: improved, previous, robust"),
@@ -96,7 +105,8 @@ def test_a_roll_that_does_not_work_exits_4_and_says_why():
         (("demo", "--rolls", "0"), 2, "--rolls"),
         (("travel",), 2, "give a place such as 0.6,0.3"),
         (("travel", "there"), 2, "valid is a face such as TC1, or a place"),
-        (("travel", "1,0", "--from-face", "TX"), 1, "unknown face 'TX'"),
+        (("travel", "1", "2", "3"), 2, "'1,2,3': valid is a face such as TC1, or a place"),
+        (("travel", "-1,0", "--from-face", "TX"), 1, "unknown face 'TX'"),
         (("console", "--token", "a&b"), 1, "every user of this machine sees --token: choose another secret"),
         (("fly",), 2, "fly"),
     ],

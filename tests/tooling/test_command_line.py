@@ -78,7 +78,7 @@ def test_no_command_shows_the_help(capsys):
 
 def test_a_command_whose_module_is_missing_is_told_loudly(monkeypatch, tmp_path):
     monkeypatch.setattr(registry, "_COMMANDS", tmp_path)
-    with pytest.raises(FileNotFoundError, match=r"modules are missing in .*: robot\.demo, model\.roll"):
+    with pytest.raises(FileNotFoundError, match=r"modules are missing in .*: robot\.demo, robot\.console"):
         registry.names()
 
 
@@ -89,3 +89,27 @@ def test_starting_up_imports_neither_ros_nor_the_numerics():
     )
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert output.splitlines()[-1] == "[]"
+
+
+def test_the_help_groups_the_commands(capsys):
+    app.run([])
+    said = capsys.readouterr().out
+    places = [said.index(group) for group in registry.GROUPS]
+    assert places == sorted(places)
+    assert registry.GROUPS[0] == registry.entries()[0].group
+    static = registry.static_help(None)
+    for entry in registry.entries():
+        assert entry.group in registry.GROUPS
+        assert f"  {entry.name} " in static
+
+
+def test_a_number_below_zero_is_no_option(monkeypatch):
+    seen = []
+
+    def command(places: list[str], turn: float = 0.0) -> None:
+        seen.append(([word.strip() for word in places], turn))
+
+    use(monkeypatch, command)
+    assert app.run(["test", "-0.3,0.2", "-1", "--turn", "-5"]) == 0
+    assert seen == [(["-0.3,0.2", "-1"], -5.0)]
+    assert app.run(["test", "-0.3,x"]) == 2

@@ -37,6 +37,8 @@ EXPECTED_ERRORS = frozenset({"sim_core.errors.SimError", "hardware_bridge.errors
 
 _STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 """What would steer a terminal."""
+_NEGATIVE = re.compile(r"-\.?\d[\d.]*(,[-\d.]+)?")
+"""A number or place below 0, which is no option: a blank in front says so, and every parser of numbers drops it."""
 _SETTINGS = {"help_option_names": ["--help", "-h"]}
 
 
@@ -47,8 +49,9 @@ def main() -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Runs one command line; returns its exit code."""
+    words = [f" {word}" if _NEGATIVE.fullmatch(word) else word for word in arguments]
     try:
-        build(arguments)(args=list(arguments) or ["--help"], prog_name="sixstrut")
+        build(words)(args=words or ["--help"], prog_name="sixstrut")
     except SystemExit as end:  # typer's way to return
         return _exit_code(end)
     except KeyboardInterrupt:
@@ -79,7 +82,7 @@ def build(arguments: Sequence[str]) -> typer.Typer:
         if entry.name == asked and entry.module is not None:
             _add(app, entry, importlib.import_module(f"sixstrut_cli.commands.{entry.module}"))
         else:
-            app.command(entry.name, help=entry.help)(_elsewhere(entry.name))
+            app.command(entry.name, help=entry.help, rich_help_panel=entry.group)(_elsewhere(entry.name))
     return app
 
 
@@ -92,9 +95,10 @@ def _frame(
 def _add(app: typer.Typer, entry: registry.Entry, module: Any) -> None:
     settings = {**_SETTINGS, **getattr(module, "CONTEXT_SETTINGS", {})}
     if hasattr(module, "app"):
-        app.add_typer(module.app, name=entry.name, context_settings=settings)
+        app.add_typer(module.app, name=entry.name, context_settings=settings, rich_help_panel=entry.group)
     else:
-        app.command(entry.name, context_settings=settings, cls=getattr(module, "COMMAND_CLASS", None))(module.command)
+        cls = getattr(module, "COMMAND_CLASS", None)
+        app.command(entry.name, context_settings=settings, cls=cls, rich_help_panel=entry.group)(module.command)
 
 
 def _elsewhere(name: str) -> Callable[[], None]:

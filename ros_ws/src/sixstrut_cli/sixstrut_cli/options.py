@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -57,12 +58,13 @@ TokenOption = Annotated[str | None, typer.Option("--token", hidden=True)]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 
 
-def place_of(text: str) -> tuple[float, float]:
-    """A place on the floor from "X,Y" in m. Raises typer.BadParameter."""
+def place_of(words: Sequence[str]) -> tuple[float, float]:
+    """A place on the floor in m from "X,Y", or from X and Y apart. Raises typer.BadParameter."""
+    text = ",".join(word.strip() for word in words)
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
-        raise typer.BadParameter(f"{text!r}: valid is a face such as TC1, or a place on the floor in m, such as 1.0,0.3")
+        raise typer.BadParameter(f"{text!r}: valid is a face such as TC1, or a place on the floor in m, such as 1.0,-0.3")
     return x, y

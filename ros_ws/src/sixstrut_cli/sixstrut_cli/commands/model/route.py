@@ -14,7 +14,7 @@ from sixstrut_cli.options import JsonOption, LibraryOption, place_of
 
 def command(
     source: Annotated[str, typer.Argument(metavar="FROM", help="Face the robot stands on.")],
-    target: Annotated[str, typer.Argument(metavar="TO", help="Face to reach, or a place on the floor in m: 1.0,0.3")],
+    target: Annotated[list[str], typer.Argument(metavar="TO", help="Face to reach, or a place on the floor in m: 1.0,-0.3")],
     library: LibraryOption = "robust",
     odds: Annotated[
         Path | None, typer.Option(help="Odds of the gaits, from `sixstrut robustness --odds`.", show_default="the shipped ones")
@@ -27,7 +27,7 @@ def command(
     To a place, the way begins at the origin of the floor, in the attitude in which `sixstrut roll` begins.
 
     sixstrut route TC6 TC1
-    sixstrut route TC6 1.0,0.3
+    sixstrut route TC6 -1.0,0.3
     sixstrut route TO5 TO12 --library mine.yaml --odds mine.odds.yaml --json
     """
     from sim_core.gaits.library import load_library
@@ -37,7 +37,7 @@ def command(
     shelf = load_library(library)
     known = load_odds(shelf, odds)
     graph = FaceGraph(shelf, known)
-    if "," in target:
+    if len(target) > 1 or "," in target[0]:
         from sim_core.dynamics.model import build_model
         from sim_core.planning.floor_planner import Floor, Stance
         from sim_core.rolling.warm_up import Stage
@@ -52,7 +52,7 @@ def command(
         places = [(stance.x_m, stance.y_m) for stance in way.stances[1:]]
         end = f"; ends {100 * way.left_m:.0f} cm from the place" + ("" if way.reaches else ": no nearer way was found")
     else:
-        route = graph.route(source, target)
+        route = graph.route(source, target[0])
         faces, odds_of_all, choices, places, end = route.faces, route.odds, route.choices, [], ""
     if as_json:
         rolls = [

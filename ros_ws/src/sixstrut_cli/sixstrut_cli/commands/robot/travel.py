@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 
 
 def command(
-    place: Annotated[str | None, typer.Argument(metavar="X,Y", help="Place on the floor in m; the robot starts at 0,0.")] = None,
+    place: Annotated[
+        list[str] | None, typer.Argument(metavar="X,Y", help="Place on the floor in m; the robot starts at 0,0.")
+    ] = None,
     study: Annotated[
         int, typer.Option(metavar="N", min=0, help="Instead: N goals at 1 m, on two floors, with odds and without.")
     ] = 0,
@@ -51,22 +53,22 @@ def command(
     A study that was stopped goes on with the same command and --output.
 
     sixstrut travel 0.6,0.3
-    sixstrut travel 1.0,-0.5 --incline 3 --seed 7
+    sixstrut travel -1.0,-0.5 --incline 3 --seed 7
     sixstrut travel --study 10 -o bags/travels --page docs/travel.md
     """
     from tensegrity_lab.stack.virtual_stack import VirtualRobot
 
     if study and domain is not None:
         raise typer.BadParameter("a study takes a domain of its own for each trip", param_hint="--domain")
-    if (place is None) == (study == 0):
+    if bool(place) == bool(study):
         raise typer.BadParameter("give a place such as 0.6,0.3, or --study N", param_hint="X,Y")
     bags = output or Path("bags")
+    goal_m = place_of(place) if place else (0.0, 0.0)
     robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
     robot.require()
-    if place is None:
+    if not place:
         _study(study, robot, bags, page)
         return
-    goal_m = place_of(place)
     from rich.console import Console
 
     from tensegrity_lab.studies.travel import travel
