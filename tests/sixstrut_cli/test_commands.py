@@ -149,3 +149,54 @@ def test_help_of_every_command_shows_an_example():
             result = sixstrut(entry.name, "--help")
             assert result.returncode == 0
             assert f"sixstrut {entry.name}" in result.stdout
+
+
+@pytest.fixture
+def library(tmp_path):
+    """A primitive library that nobody wants to lose."""
+    path = tmp_path / "mine.yaml"
+    path.write_text("schema: 1\nprimitives:\n- {name: A, class: TO5-TC6, policy_mm: [36, 7, -30, -23, -34, 14]}\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (("calibrate-model", "-o"), "a prototype"),
+        (("calibrate", "--virtual"), "a calibration"),
+        (("robustness", "robust", "--odds"), "gaits' success counts"),
+        (("fit", "nowhere", "--ensemble"), "an ensemble"),
+        (("climb", "-o"), "climb limits"),
+    ],
+)
+def test_a_file_of_another_kind_is_never_overwritten_and_found_before_any_work(library, words, wanted):
+    before = library.read_bytes()
+    result = sixstrut(*words, str(library))
+    assert result.returncode == 2, result.stderr
+    said = "".join(result.stderr.replace("│", " ").split())
+    assert "".join(f"exists and is a primitive library, not {wanted}: it is left as it is".split()) in said
+    assert library.read_bytes() == before
+
+
+def test_a_picture_is_not_written_over_a_file_that_is_none(library):
+    result = sixstrut("roll", "--picture", str(library))
+    assert result.returncode == 2
+    assert "validendsare.png,.svg,.pdf" in "".join(result.stderr.replace("│", " ").split())
+
+
+def test_the_kinds_of_files_are_told_apart():
+    from importlib.resources import files
+
+    from sixstrut_cli.outputs import KINDS, kind_of
+
+    shipped = {
+        "libraries/robust.yaml": "primitive library",
+        "prototype.yaml": "prototype",
+        "odds/robust.yaml": "gaits' success counts",
+        "climbs/robust.yaml": "climb limits",
+        "actuators.yaml": "actuator file",
+    }
+    for name, kind in shipped.items():
+        assert kind_of(files("sim_core") / "data" / name) == kind
+    assert kind_of(files("hardware_bridge") / "data" / "calibration_default.yaml") == "calibration"
+    assert set(shipped.values()) | {"calibration", "ensemble"} == set(KINDS)

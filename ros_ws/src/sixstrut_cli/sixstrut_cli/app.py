@@ -62,8 +62,8 @@ def run(arguments: Sequence[str]) -> int:
     except Exception as error:
         if debugging(arguments):
             raise
-        words = _STEERING.sub("", _describe(error))  # a file's text may be in it
-        print(f"error: {words}", file=sys.stderr)
+        said = _STEERING.sub("", _describe(error))  # a file's text may be in it
+        print(f"error: {said}", file=sys.stderr)
         return EXIT_FAILED
     return 0
 

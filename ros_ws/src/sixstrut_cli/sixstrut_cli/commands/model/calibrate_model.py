@@ -10,10 +10,13 @@ from typing import Annotated, Any
 import typer
 
 from sixstrut_cli.options import PrototypeOption
+from sixstrut_cli.outputs import output_of
 
 
 def command(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Prototype YAML to write.")] = Path("prototype.yaml"),
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Prototype YAML to write.", callback=output_of("prototype"))
+    ] = Path("prototype.yaml"),
     frequency: Annotated[
         float | None,
         typer.Option(help="First natural frequency at rest on TC6, in Hz; default: first_frequency_hz.", show_default=False),
@@ -29,9 +32,9 @@ def command(
     sticking, has its lowest natural frequency where it was measured; check that by a simulated free vibration; write a prototype
     YAML.
 
-    sixstrut calibrate-model -o mine.yaml
-    sixstrut calibrate-model --frequency 4.8 --measured joint_mass_kg=0.0091 -o mine.yaml
-    sixstrut calibrate-model --measured tendon_stiffness_n_m=395 --keep-ropes -o mine.yaml
+    sixstrut calibrate-model -o my_prototype.yaml
+    sixstrut calibrate-model --frequency 4.8 --measured joint_mass_kg=0.0091 -o my_prototype.yaml
+    sixstrut calibrate-model --measured tendon_stiffness_n_m=395 --keep-ropes -o my_prototype.yaml
     """
     from sim_core.dynamics.model import build_model
     from sim_core.dynamics.vibration_modes import calibrated, first_frequency_hz, vibrated_frequency_hz

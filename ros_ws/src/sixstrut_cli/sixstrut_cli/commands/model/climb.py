@@ -11,12 +11,15 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli.options import JsonOption
+from sixstrut_cli.outputs import output_of
 
 
 def command(
     library: Annotated[str, typer.Argument(metavar="LIBRARY", help="A shipped library's name, or a YAML file.")] = "robust",
     actuators: Annotated[str, typer.Option(help="ideal, stand-in (they feel their load), or a YAML file.")] = "stand-in",
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="YAML file to write as well.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="YAML file to write as well.", callback=output_of("climb limits"))
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Print the steepest ground that each primitive climbs: the nominal robot, straight uphill, from rest to rest.
@@ -25,7 +28,7 @@ def command(
 
     sixstrut climb
     sixstrut climb improved --actuators ideal
-    sixstrut climb mine.yaml --json
+    sixstrut climb my_library.yaml --json
     """
     from rich.console import Console
 

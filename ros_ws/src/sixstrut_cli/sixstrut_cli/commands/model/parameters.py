@@ -43,7 +43,7 @@ def command(
     The column "flips": share of policies near the library whose outcome changes when this number alone is 10 % off.
 
     sixstrut parameters
-    sixstrut parameters --prototype mine.yaml --sensitivity
+    sixstrut parameters --prototype my_prototype.yaml --sensitivity
     sixstrut parameters --export json -o robot.json
     """
     entries = load_entries(prototype)

@@ -36,7 +36,7 @@ def command(
 
     sixstrut rehearse --from TC6
     sixstrut rehearse --from TO5 --to TC6 --primitive P21 --scale 0.2 --incline 3
-    sixstrut rehearse --from TC6 --ensemble ours.yaml
+    sixstrut rehearse --from TC6 --ensemble my_ensemble.yaml
     """
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import gait_of, load_library

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.outputs import COUNTS, output_of, picture_path
 
 QUICK_PROTOTYPES, QUICK_FAILURES, QUICK_PRIMITIVES = 2, 20, 3
 
@@ -37,14 +38,22 @@ def command(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG, like the paper's Figure 8. [default: robustness_LIBRARY.png; none with --json]", show_default=False
+            help="PNG, like the paper's Figure 8. [default: robustness_LIBRARY.png; none with --json]",
+            show_default=False,
+            callback=picture_path,
         ),
     ] = None,
     tables: Annotated[
         Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.", show_default=False)
     ] = None,
     odds: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write every gait's odds here, for the planner.", show_default=False)
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write how often every gait worked, for the planner.",
+            show_default=False,
+            callback=output_of(COUNTS),
+        ),
     ] = None,
     cost: Annotated[bool, typer.Option("--cost", help="Also measure and print what a million prototypes cost.")] = False,
     cost_page: Annotated[
@@ -59,7 +68,7 @@ def command(
 
     sixstrut robustness robust --scale 0.1 --picture robust.png --csv robust/
     sixstrut robustness robust --groups judged,slope --prototypes 50 --scheduler tcp://host:8786
-    sixstrut robustness mine.yaml --one-gait --design sobol --json
+    sixstrut robustness my_library.yaml --one-gait --design sobol --json
     sixstrut robustness robust --quick --cost
     """
     from sim_core.gaits.library import load_library

@@ -28,7 +28,7 @@ def command(
 
     sixstrut route TC6 TC1
     sixstrut route TC6 -1.0,0.3
-    sixstrut route TO5 TO12 --library mine.yaml --odds mine.odds.yaml --json
+    sixstrut route TO5 TO12 --library my_library.yaml --odds my_odds.yaml --json
     """
     from sim_core.gaits.library import load_library
     from sim_core.gaits.success_probability import load_odds

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.outputs import picture_path, require_output
 
 if TYPE_CHECKING:
     from sim_core.search.genetic_search import Search
@@ -50,7 +51,9 @@ def command(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler; default: this machine's cores.", show_default=False)
     ] = None,
-    picture: Annotated[Path | None, typer.Option(help="PNG; default: beside the library.", show_default=False)] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="PNG; default: beside the library.", show_default=False, callback=picture_path)
+    ] = None,
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -60,8 +63,8 @@ def command(
     best on perturbed prototypes and inclined ground. Ctrl-C stops it after the generation; the same command goes on from there.
 
     sixstrut search
-    sixstrut search robust -o mine.yaml --seed 7
-    sixstrut search robust --ensemble ours.yaml -o for_ours.yaml
+    sixstrut search robust -o my_library.yaml --seed 7
+    sixstrut search robust --ensemble my_ensemble.yaml -o my_library.yaml
     sixstrut search --active 3 --class TO5-TC6 --keep 5 -o three_struts.yaml
     """
     from sim_core.gaits.library import library_text
@@ -74,6 +77,7 @@ def command(
     from tensegrity_lab.terminal.compile_notice import compile_first
 
     path = output or Path(f"{plan_name.value}.yaml")
+    require_output(path, "primitive library")
     changes: dict[str, Any] = {"seed": seed, "keep": keep, "active": active}
     changes |= {"apart_mm": apart} if apart else {}
     changes |= {"generations": generations} if generations else {}

@@ -11,9 +11,11 @@ from typing import Annotated
 
 import typer
 
+from sixstrut_cli.outputs import output_of
+
 
 def command(
-    file: Annotated[Path, typer.Argument(help="The YAML to write.")] = Path("calibration.yaml"),
+    file: Annotated[Path, typer.Argument(help="The YAML to write.", callback=output_of("calibration"))] = Path("calibration.yaml"),
     robot: Annotated[
         str, typer.Option(help="The robot's name, by which it is known at any port; default: asked.", show_default=False)
     ] = "",
@@ -32,8 +34,8 @@ def command(
     Needs a ruler and a terminal. Interrupted with Ctrl-C, it goes on from there when it is started again with the same file.
     The bridge must not run meanwhile: it holds the port.
 
-    sixstrut calibrate mine.yaml --port /dev/rfcomm0 --robot "blue one"
-    sixstrut calibrate mine.yaml --port /dev/ttyUSB0 --board ssc32
+    sixstrut calibrate my_calibration.yaml --port /dev/rfcomm0 --robot "blue one"
+    sixstrut calibrate my_calibration.yaml --port /dev/ttyUSB0 --board ssc32
     sixstrut calibrate practice.yaml --virtual --board maestro
     """
     from rich.console import Console

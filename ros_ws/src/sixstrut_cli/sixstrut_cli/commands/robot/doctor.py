@@ -29,7 +29,7 @@ def command(
     Exit code 0: all fine; 4: something to mend.
 
     sixstrut doctor
-    sixstrut doctor --port /dev/rfcomm0 --calibration mine.yaml
+    sixstrut doctor --port /dev/rfcomm0 --calibration my_calibration.yaml
     """
     from hardware_bridge.boards.registry import parse_board
     from tensegrity_lab.commissioning.checks import Health, examine

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.outputs import COUNTS, output_of
 
 
 def command(
@@ -19,10 +20,21 @@ def command(
     ] = None,
     ensemble: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write the fitted ensemble here, for rehearse and search.", show_default=False),
+        typer.Option(
+            metavar="FILE",
+            help="Write the fitted ensemble here, for rehearse and search.",
+            show_default=False,
+            callback=output_of("ensemble"),
+        ),
     ] = None,
     odds: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write every gait's odds here, for planner and route.", show_default=False)
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write how likely every gait is to work, for planner and route.",
+            show_default=False,
+            callback=output_of(COUNTS),
+        ),
     ] = None,
     counts_only: Annotated[
         bool, typer.Option("--counts-only", help="No ensemble: the shipped odds and each gait's own trials. Takes no time.")
@@ -50,8 +62,8 @@ def command(
 
     Robots are drawn from a prior, roll every tried gait, and are weighted by the outcomes that they foretell.
 
-    sixstrut fit bags/monday --ensemble ours.yaml --odds ours.odds.yaml
-    sixstrut fit bags/monday bags/tuesday --counts-only --odds ours.odds.yaml
+    sixstrut fit bags/monday --ensemble my_ensemble.yaml --odds my_odds.yaml
+    sixstrut fit bags/monday bags/tuesday --counts-only --odds my_odds.yaml
     sixstrut fit --demonstrate
     """
     from sim_core.dynamics.model import build_model

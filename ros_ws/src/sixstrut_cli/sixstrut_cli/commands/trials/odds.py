@@ -10,11 +10,14 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli.options import JsonOption
+from sixstrut_cli.outputs import picture_path
 
 
 def command(
     bags: Annotated[list[Path], typer.Argument(metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags.")],
-    picture: Annotated[Path, typer.Option(help="PNG: predicted odds against the share that succeeded.")] = Path("odds.png"),
+    picture: Annotated[
+        Path, typer.Option(help="PNG: predicted probability against the share that succeeded.", callback=picture_path)
+    ] = Path("odds.png"),
     as_json: JsonOption = False,
 ) -> None:
     """Set what the planner's rehearsals foretold against what then happened, roll by roll: calibration plot and Brier score.

@@ -51,7 +51,7 @@ def command(
     observer) and recorded. Ctrl-C, a power cut or a kill lose nothing: the same command goes on. Then: sixstrut report SESSION.
     Exit code 0: all trials are done; 130: left before.
 
-    sixstrut trial --library robust --primitives 1-40 --gaits all --port /dev/rfcomm0 --calibration mine.yaml
+    sixstrut trial --library robust --primitives 1-40 --gaits all --port /dev/rfcomm0 --calibration my_calibration.yaml
     sixstrut trial bags/monday --primitives 1-4 --virtual --perturbation 0.1 --seed 3
     sixstrut trial bags/monday --virtual
     """
