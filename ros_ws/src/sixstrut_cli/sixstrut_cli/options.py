@@ -58,6 +58,17 @@ TokenOption = Annotated[str | None, typer.Option("--token", hidden=True)]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 
 
+def chosen_sessions(given: list[Path] | None) -> list[Path]:
+    """The given ones; else the newest, named on standard error. Raises SessionError: there is none."""
+    if given:
+        return given
+    from tensegrity_lab.session_data.folder import newest_session
+
+    newest = newest_session()
+    typer.echo(f"the newest session: {newest}", err=True)
+    return [newest]
+
+
 def place_of(words: Sequence[str]) -> tuple[float, float]:
     """A place on the floor in m from "X,Y", or from X and Y apart. Raises typer.BadParameter."""
     text = ",".join(word.strip() for word in words)

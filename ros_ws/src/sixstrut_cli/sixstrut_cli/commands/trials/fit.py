@@ -10,13 +10,16 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.options import JsonOption, PrototypeOption, chosen_sessions
 from sixstrut_cli.outputs import COUNTS, output_of
 
 
 def command(
     trials: Annotated[
-        list[Path] | None, typer.Argument(metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags.", show_default=False)
+        list[Path] | None,
+        typer.Argument(
+            metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags. [default: the newest session]", show_default=False
+        ),
     ] = None,
     ensemble: Annotated[
         Path | None,
@@ -62,6 +65,7 @@ def command(
 
     Robots are drawn from a prior, roll every tried gait, and are weighted by the outcomes that they foretell.
 
+    sixstrut fit
     sixstrut fit bags/monday --ensemble my_ensemble.yaml --odds my_odds.yaml
     sixstrut fit bags/monday bags/tuesday --counts-only --odds my_odds.yaml
     sixstrut fit --demonstrate
@@ -78,11 +82,9 @@ def command(
         typer.echo(running.demonstrated(model, asked, robots, primitives, searched, library or "improved", target))
         typer.echo(f"wrote {target}")
         return
-    if not trials:
-        raise typer.BadParameter("give at least one session's folder or bag, or --demonstrate", param_hint="SESSION_OR_BAG")
     if counts_only and (ensemble is not None or odds is None):
         raise typer.BadParameter("it makes odds and no ensemble: give --odds FILE, and not --ensemble", param_hint="--counts-only")
-    tries = read_tries(trials, model, library)
+    tries = read_tries(chosen_sessions(trials), model, library)
     found = None if counts_only else running.fitted(model, tries, asked)
     if ensemble is not None and found is not None:
         running.write_ensemble(ensemble, model, tries, found)

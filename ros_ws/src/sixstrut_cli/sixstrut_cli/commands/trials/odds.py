@@ -14,7 +14,12 @@ from sixstrut_cli.outputs import picture_path
 
 
 def command(
-    bags: Annotated[list[Path], typer.Argument(metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags.")],
+    bags: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags. [default: the newest session or bag]", show_default=False
+        ),
+    ] = None,
     picture: Annotated[
         Path, typer.Option(help="PNG: predicted probability against the share that succeeded.", callback=picture_path)
     ] = Path("odds.png"),
@@ -28,10 +33,13 @@ def command(
     sixstrut odds bags/monday bags/tuesday --picture odds.png
     """
     from sim_core.studies.binomial_intervals import rate_of
-    from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in
+    from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in, newest
     from tensegrity_lab.reports.hypothesis_tests import calibration
     from tensegrity_lab.reports.trial_plots import odds_picture
 
+    if not bags:
+        bags = [newest()]
+        typer.echo(f"the newest: {bags[0]}", err=True)
     files = bags_of(bags)
     rolls = [one for path in files for one in foretold_in(path)]
     told = calibration([one.odds for one in rolls], [one.won for one in rolls])
