@@ -58,9 +58,10 @@ def test_wrong_usage_exits_2(monkeypatch, arguments: list[str]):
     assert app.run(arguments) == 2
 
 
-def test_ctrl_c_exits_130(monkeypatch):
+def test_ctrl_c_exits_130_and_is_said(monkeypatch, capsys):
     use(monkeypatch, raising(KeyboardInterrupt()))
     assert app.run(["test"]) == 130
+    assert capsys.readouterr().err == "\ninterrupted\n"
 
 
 @pytest.mark.parametrize("code", [0, 1, 4])

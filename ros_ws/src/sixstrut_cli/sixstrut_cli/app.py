@@ -55,6 +55,7 @@ def run(arguments: Sequence[str]) -> int:
     except SystemExit as end:  # typer's way to return
         return _exit_code(end)
     except KeyboardInterrupt:
+        print("\ninterrupted", file=sys.stderr)
         return EXIT_INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing left to flush at exit

@@ -30,6 +30,7 @@ def command(
     sixstrut climb improved --actuators ideal
     sixstrut climb my_library.yaml --json
     """
+    typer.echo(f"library {library}: every primitive uphill, some seconds each; Ctrl-C leaves at any time", err=True)
     from rich.console import Console
 
     from sim_core.dynamics.actuators import require_actuators
@@ -38,11 +39,12 @@ def command(
     from sim_core.rolling.warm_up import Stage
     from tensegrity_lab.studies.climb import climbs_of
     from tensegrity_lab.terminal.compile_notice import compile_first
+    from tensegrity_lab.terminal.leaving import leaves_at_once
 
     shelf, parameters = load_library(library), require_actuators(actuators)
     compile_first(Stage.ROBOT)
     console = Console(stderr=True, highlight=False)
-    with console.status("climbing") as status:
+    with leaves_at_once("nothing was written"), console.status("climbing") as status:
         found = climbs_of(shelf, parameters, actuators, lambda name: status.update(f"climbing: {name} of {len(shelf.primitives)}"))
     if output is not None:
         output.write_text(climbs_text(found), encoding="utf-8")

@@ -33,6 +33,7 @@ def command(
     sixstrut recheck gaits.yaml --bag bags/monday.mcap --bag bags/tuesday.mcap
     sixstrut recheck library.yaml --every-gait --perturbation 0.1
     """
+    typer.echo(f"rolling the gaits of {gaits} by both models; Ctrl-C leaves at any time", err=True)
     from sim_core.dynamics.model import build_model
     from sim_core.rolling.warm_up import Stage
     from sim_core.structure.elements import PREVIOUS

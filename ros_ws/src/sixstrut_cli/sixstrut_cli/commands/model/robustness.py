@@ -71,6 +71,7 @@ def command(
     sixstrut robustness my_library.yaml --one-gait --design sobol --json
     sixstrut robustness robust --quick --cost
     """
+    from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import load_library
     from sim_core.gaits.success_probability import odds_text
     from sim_core.structure.parameters import load_prototype
@@ -83,6 +84,7 @@ def command(
     from tensegrity_lab.reports.robustness_report import document_of, head_of, text_of, write_tables
     from tensegrity_lab.reports.study_cost import document_of as cost_document
     from tensegrity_lab.reports.study_cost import figures_of, table_of, write_into
+    from tensegrity_lab.terminal.forecast import say_forecast
     from tensegrity_lab.terminal.progress import bars
 
     robot, shelf = load_prototype(prototype), load_library(library)
@@ -96,7 +98,9 @@ def command(
         primitives = tuple(p for rows in classes.values() for p in rows[:QUICK_PRIMITIVES])
     if scheduler is None:
         compile_kernels(robot)  # not counted as work
-    with runner_of(scheduler) as run, bars("rolls") as bar:
+        rolls = len(primitives) * 24 * plan.prototypes
+        say_forecast(f"{len(primitives)} primitives × 24 gaits × {plan.prototypes} prototypes", rolls, build_model(robot))
+    with runner_of(scheduler) as run, bars("rolls", "nothing was written; --first and --prototypes do a study in slices") as bar:
         began = perf_counter()
         found = study(robot, primitives, plan, run, bar("trials"))
         wall_s = perf_counter() - began

@@ -52,6 +52,7 @@ def command(
     from sim_core.structure.parameters import load_prototype
     from sim_core.validation import CASES, Setting
     from tensegrity_lab.reports.validation_page import write_page
+    from tensegrity_lab.terminal.leaving import leaves_at_once
 
     chosen = [name for name in CASES if only is None or only in name or fnmatch(name, only)]
     if not chosen:
@@ -60,11 +61,13 @@ def command(
         output = _default_page()
     setting = Setting(load_prototype(prototype))
     model = build_model(setting.prototype)
+    typer.echo(f"{len(chosen)} cases; all of them take a minute or two; Ctrl-C leaves at any time", err=True)
     results: dict[str, Case] = {}
     seconds: dict[str, float] = {}
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=as_json) as bar:
+    progress = Progress(*columns, console=console, transient=True, disable=as_json)
+    with leaves_at_once("nothing was written"), progress as bar:
         task = bar.add_task("", total=len(chosen))
         for name in chosen:
             bar.update(task, description=name)

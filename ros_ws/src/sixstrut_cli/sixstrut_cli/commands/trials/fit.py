@@ -85,14 +85,14 @@ def command(
     if counts_only and (ensemble is not None or odds is None):
         raise typer.BadParameter("it makes odds and no ensemble: give --odds FILE, and not --ensemble", param_hint="--counts-only")
     tries = read_tries(chosen_sessions(trials), model, library)
-    found = None if counts_only else running.fitted(model, tries, asked)
+    found = None if counts_only else running.fitted(model, tries, asked, odds is not None)
     if ensemble is not None and found is not None:
         running.write_ensemble(ensemble, model, tries, found)
+        typer.echo(f"wrote {ensemble}", err=as_json)
     if odds is not None:
         running.write_odds(odds, model, tries, found, asked)
     document = running.document_of(tries, found)
     typer.echo(json.dumps(document) if as_json else running.text_of(tries, found))
     if not as_json:
-        for path in (ensemble, odds):
-            if path is not None:
-                typer.echo(f"wrote {path}")
+        if odds is not None:
+            typer.echo(f"wrote {odds}")

@@ -32,6 +32,7 @@ def command(
     sixstrut odds bags/example.mcap
     sixstrut odds bags/monday bags/tuesday --picture odds.png
     """
+    typer.echo("reading bags: some seconds for each that is large", err=True)
     from sim_core.studies.binomial_intervals import rate_of
     from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in, newest
     from tensegrity_lab.reports.hypothesis_tests import calibration

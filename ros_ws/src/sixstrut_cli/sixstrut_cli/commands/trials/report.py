@@ -51,6 +51,7 @@ def command(
     sixstrut report bags/monday
     sixstrut report bags/monday bags/tuesday --against bags/previous -o report
     """
+    typer.echo("reading the sessions", err=True)
     from tensegrity_lab.reports.trial_report import Report, summary_of
 
     sessions = chosen_sessions(sessions)
