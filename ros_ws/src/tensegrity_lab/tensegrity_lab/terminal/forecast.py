@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import os
+import sys
 from time import perf_counter
-
-import typer
 
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.simd import WIDTH
@@ -37,6 +36,5 @@ def about(seconds: float) -> str:
 def say_forecast(what: str, rolls: int, model: Model) -> None:
     """Tells on standard error what comes, and about how long it takes here."""
     speed = rolls_per_second(model)
-    typer.echo(
-        f"{what}: {rolls} rolls, about {about(rolls / speed)} at {speed:.0f} rolls/s here; Ctrl-C leaves at any time", err=True
-    )
+    time = f"about {about(rolls / speed)} at {speed:.0f} rolls/s here"
+    print(f"{what}: {rolls} rolls, {time}; Ctrl-C leaves at any time", file=sys.stderr)

@@ -101,10 +101,8 @@ def command(
     state = None if fresh else _read(stopped)
     with runner_of(scheduler) as runner:
         search = Search(robot, plan, runner, state)
-        typer.echo(
-            f"searching {plan.keep} primitives of each class, {plan.generations} generations at most; Ctrl-C leaves, the same command goes on",
-            err=True,
-        )
+        most = f"{plan.generations} generations at most"
+        typer.echo(f"searching {plan.keep} primitives of each class, {most}; Ctrl-C leaves, the same command goes on", err=True)
         if state is not None:
             typer.echo(f"going on after generation {search.generation} of {stopped} (--fresh begins anew)", err=True)
         with leaves_at_once(f"every finished generation is kept in {stopped}; the same command goes on from there"):

@@ -38,9 +38,8 @@ def command(
 
         def told(done_s: float, total_s: float) -> None:
             if bar.tasks[0].total is None:
-                bar.console.print(
-                    f"playing {total_s:.0f} s at {rate:g} times their speed into {where}", highlight=False, soft_wrap=True
-                )
+                speed = f"{total_s:.0f} s at {rate:g} times their speed"
+                bar.console.print(f"playing {speed} into {where}", highlight=False, soft_wrap=True)
                 bar.console.print("look with RViz, or sixstrut foxglove; Ctrl-C ends it", highlight=False, soft_wrap=True)
             bar.update(task, completed=done_s, total=total_s)
 

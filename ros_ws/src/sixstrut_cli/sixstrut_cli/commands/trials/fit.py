@@ -93,6 +93,5 @@ def command(
         running.write_odds(odds, model, tries, found, asked)
     document = running.document_of(tries, found)
     typer.echo(json.dumps(document) if as_json else running.text_of(tries, found))
-    if not as_json:
-        if odds is not None:
-            typer.echo(f"wrote {odds}")
+    if odds is not None and not as_json:
+        typer.echo(f"wrote {odds}")
