@@ -4,12 +4,16 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sixstrut_cli.options import JsonOption, LibraryOption, place_of
+
+if TYPE_CHECKING:
+    from sim_core.gaits.success_probability import Odds
 
 
 def command(
@@ -17,7 +21,8 @@ def command(
     target: Annotated[list[str], typer.Argument(metavar="TO", help="Face to reach, or a place on the floor in m: 1.0,-0.3")],
     library: LibraryOption = "robust",
     odds: Annotated[
-        Path | None, typer.Option(help="Odds of the gaits, from `sixstrut robustness --odds`.", show_default="the shipped ones")
+        Path | None,
+        typer.Option(help="How often each gait worked, from `sixstrut robustness --odds`.", show_default="the shipped ones"),
     ] = None,
     reach: Annotated[float, typer.Option(min=0.01, help="How near to a place is near enough, in m.")] = 0.08,
     as_json: JsonOption = False,
@@ -33,6 +38,7 @@ def command(
     from sim_core.gaits.library import load_library
     from sim_core.gaits.success_probability import load_odds
     from sim_core.planning.face_graph import FaceGraph
+    from sim_core.studies.binomial_intervals import counted
 
     shelf = load_library(library)
     known = load_odds(shelf, odds)
@@ -72,6 +78,18 @@ def command(
         gait = choice.gait
         where = f", to {places[number][0]:+.2f} {places[number][1]:+.2f} m" if places else ""
         mirror = "" if gait.proper else " (mirror)"
-        typer.echo(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm, odds {100 * choice.odds:.1f} %{where}")
-    basis = known.how if known else "success in training, one rate for a primitive's 24 gaits"
-    typer.echo(f"{' → '.join(faces)}: {len(choices)} rolls, odds {100 * odds_of_all:.1f} % ({basis}){end}")
+        tries = known.tries(gait) if known else None
+        likely = counted(*tries) if tries else f"probability {100 * choice.odds:.0f} %"
+        typer.echo(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm; {likely}{where}")
+    typer.echo(f"{' → '.join(faces)}: {len(choices)} rolls, all of them work with a probability of {100 * odds_of_all:.0f} %{end}")
+    typer.echo(f"known from: {_basis(known)}")
+
+
+def _basis(known: Odds | None) -> str:
+    """Where the probabilities come from, in a few words."""
+    if known is None:
+        return "success in training, one rate for a primitive's 24 gaits"
+    scale = re.match(r"uniform at scale s = ([\d.]+)", known.how)
+    if scale is None:
+        return known.how
+    return f"{known.trials} virtual prototypes off by ±{100 * float(scale[1]):g} % (docs: Perturbed prototypes)"

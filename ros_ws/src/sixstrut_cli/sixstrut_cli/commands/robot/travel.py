@@ -25,7 +25,8 @@ def command(
         list[str] | None, typer.Argument(metavar="X,Y", help="Place on the floor in m; the robot starts at 0,0.")
     ] = None,
     study: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Instead: N goals at 1 m, on two floors, with odds and without.")
+        int,
+        typer.Option(metavar="N", min=0, help="Instead: N goals at 1 m, on two floors, with what is known of gaits and without."),
     ] = 0,
     reach: Annotated[float, typer.Option(min=0.02, help="How near is near enough, in m.")] = 0.08,
     most_rolls: Annotated[int, typer.Option(min=1, help="Give up after so many rolls.")] = 60,

@@ -40,9 +40,10 @@ def command(
         ),
     ] = None,
     counts_only: Annotated[
-        bool, typer.Option("--counts-only", help="No ensemble: the shipped odds and each gait's own trials. Takes no time.")
+        bool,
+        typer.Option("--counts-only", help="No ensemble: the shipped success counts and each gait's own trials. Takes no time."),
     ] = False,
-    weight: Annotated[float, typer.Option(min=0.01, help="Trials of a gait that its prior odds are worth.")] = 4.0,
+    weight: Annotated[float, typer.Option(min=0.01, help="Trials of a gait that what was known before is worth.")] = 4.0,
     members: Annotated[int, typer.Option(min=2, help="Members drawn in each round.")] = 128,
     rounds: Annotated[int, typer.Option(min=0, help="Rounds after the first, at most.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and trials, same ensemble.")] = 1,
@@ -61,7 +62,8 @@ def command(
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Estimate friction, stiffness, rest lengths, strokes and slope from trials' outcomes; write an ensemble and gaits' odds.
+    """Estimate friction, stiffness, rest lengths, strokes and slope from trials' outcomes; write an ensemble, and how
+    likely each gait is.
 
     Robots are drawn from a prior, roll every tried gait, and are weighted by the outcomes that they foretell.
 
@@ -83,7 +85,7 @@ def command(
         typer.echo(f"wrote {target}")
         return
     if counts_only and (ensemble is not None or odds is None):
-        raise typer.BadParameter("it makes odds and no ensemble: give --odds FILE, and not --ensemble", param_hint="--counts-only")
+        raise typer.BadParameter("it makes no ensemble: give --odds FILE, and not --ensemble", param_hint="--counts-only")
     tries = read_tries(chosen_sessions(trials), model, library)
     found = None if counts_only else running.fitted(model, tries, asked, odds is not None)
     if ensemble is not None and found is not None:

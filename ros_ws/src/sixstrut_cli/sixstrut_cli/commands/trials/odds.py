@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`sixstrut odds`: were the rehearsals right?"""
+"""`sixstrut odds`: were the probabilities that rehearsals foretold right?"""
 
 from __future__ import annotations
 

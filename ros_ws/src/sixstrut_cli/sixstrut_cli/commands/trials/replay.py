@@ -25,7 +25,7 @@ def command(
         typer.Option(min=1, help="Only this trial of a session; may be given often.", show_default=False),
     ] = None,
     trials: Annotated[bool, typer.Option("--trials", help="Trial by trial, all of them.")] = False,
-    ensemble: Annotated[int, typer.Option(min=0, max=10_000, help="Also the odds of each trial, on so many perturbed twins.")] = 0,
+    ensemble: Annotated[int, typer.Option(min=0, max=10_000, help="Also each trial on so many perturbed twins.")] = 0,
     changes: Annotated[
         list[str] | None, typer.Option("--set", help="What if: NAME=VALUE of the model, such as mu_s=0.45; may be given often.")
     ] = None,
@@ -55,7 +55,7 @@ def command(
 
     asked = parsed_changes(changes or [])
     if ensemble and not (trial or trials):
-        raise typer.BadParameter("--ensemble tells the odds of trials: give --trial N or --trials too")
+        raise typer.BadParameter("--ensemble tells how likely trials were: give --trial N or --trials too")
     compile_first(Stage.ROBOT, *([Stage.BATCH] if ensemble else []))
     if trial or trials:
         same = _by_trial(bag, trial or [], ensemble, asked, compare, picture, as_json)
@@ -70,6 +70,7 @@ def _by_trial(
 ) -> bool:
     from hardware_bridge.recording.bag_reader import read_bag
     from hardware_bridge.recording.bag_types import TOPICS
+    from sim_core.studies.binomial_intervals import counted
     from sim_core.studies.rehearsal import Ensemble
     from tensegrity_lab.bags.replay import require_same_model
     from tensegrity_lab.bags.trial_replay import (
@@ -106,9 +107,8 @@ def _by_trial(
             odds[told.gait.name] = told
             if not as_json:
                 ends = ", ".join(f"{face} {count}" for face, count in told.outcomes.items())
-                interval = f"{100 * told.rate.low:.0f} to {100 * told.rate.high:.0f} %"
-                rate = f"{told.rate.successes} of {members} ({interval})"
-                typer.echo(f"odds of {told.gait.name}: {rate} on {law.law.words}; ends on {ends}")
+                rate = counted(told.rate.successes, members)
+                typer.echo(f"{told.gait.name} on perturbed twins ({law.law.brief}): {rate}; ends on {ends}")
     if picture is not None:
         course_picture(courses[0], picture)
     agree = [course.agrees for course in courses if course.agrees is not None]

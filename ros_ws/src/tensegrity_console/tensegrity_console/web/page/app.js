@@ -155,7 +155,7 @@ function neighbours(now) {
       button.type = "button";
       button.dataset.face = gait.target;
       button.className = gait.target === now.selected ? "chosen" : "";
-      button.append(Object.assign(document.createElement("b"), { textContent: gait.target }), `${Math.round(100 * gait.odds)} %`);
+      button.append(Object.assign(document.createElement("b"), { textContent: gait.target }), gait.members ? `${gait.successes} of ${gait.members}` : "");
       button.onclick = () => order("select", { target: gait.target });
       return button;
     }));
@@ -164,8 +164,8 @@ function neighbours(now) {
   const chosen = gaits.find((gait) => gait.target === now.selected);
   if (!now.face) text("foretold", "no face is known, so there is no roll");
   else if (!now.rehearsal) text("foretold", now.unrehearsed || "rehearsing …");
-  else if (!chosen) text("foretold", `odds of the best gait to each neighbour, on ${gaits[0] ? gaits[0].members : 0} perturbed twins`);
-  else text("foretold", `${chosen.primitive}: ${chosen.successes} of ${chosen.members} rehearsals rolled; they ended on ${chosen.ends.map(([face, count]) => `${face} ${count}`).join(", ")}`);
+  else if (!chosen) text("foretold", `the best gait to each neighbour, tried on ${gaits[0] ? gaits[0].members : 0} perturbed twins: so many rolled`);
+  else text("foretold", `${chosen.primitive}: ${chosen.successes} of ${chosen.members} twins rolled; they ended on ${chosen.ends.map(([face, count]) => `${face} ${count}`).join(", ")}`);
   const running = now.roll;
   $("progress").hidden = !running;
   if (running) $("progress").value = running.progress || 0;
@@ -176,7 +176,7 @@ function journey(now) {
   const running = now.travel;
   text("place", now.place_m ? `selected: ${now.place_m.map((v) => v.toFixed(2)).join(", ")} m` : "click on the floor for a place");
   if (!running) return text("journey", "");
-  const odds = running.odds === null ? "" : `, odds ${Math.round(100 * running.odds)} %`;
+  const odds = running.odds === null ? "" : `, probability ${Math.round(100 * running.odds)} %`;
   text("journey", `roll ${running.rolls + 1}: ${running.phase}; ${Math.round(100 * (running.left_m || 0))} cm left, ${running.rolls_left} rolls${odds}`);
 }
 
