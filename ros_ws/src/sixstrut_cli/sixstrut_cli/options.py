@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -56,6 +57,12 @@ TokenFileOption = Annotated[
 TokenOption = Annotated[str | None, typer.Option("--token", hidden=True)]
 """No more: everybody sees it in the list of processes."""
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
+
+
+def announce(words: str) -> None:
+    """The first line of a command that loads or computes for a while: for a person at a terminal, not for a script's log."""
+    if sys.stderr.isatty():
+        typer.echo(words, err=True)
 
 
 def chosen_sessions(given: list[Path] | None) -> list[Path]:

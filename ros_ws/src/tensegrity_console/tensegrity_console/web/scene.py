@@ -163,7 +163,7 @@ class Scene:
                 self._put("trail", np.stack([self._trail[:-1], self._trail[1:]], axis=1))
 
     def _draw_faces(self, stance: Stance | None, facts: Facts) -> None:
-        """The face stood on and its neighbours, with names and how often a roll there worked; drawn anew only when something of it changed."""
+        """The face stood on and its neighbours, with names and counts of rehearsals; drawn anew only when something changed."""
         known = facts.rehearsal is not None and facts.rehearsal["source"] == facts.face
         gaits = facts.rehearsal["gaits"] if facts.rehearsal and known else ()
         tried = {gait["target"]: f" {gait['successes']} of {gait['members']}" for gait in gaits}

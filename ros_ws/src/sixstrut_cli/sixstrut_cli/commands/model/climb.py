@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption
+from sixstrut_cli.options import JsonOption, announce
 from sixstrut_cli.outputs import output_of
 
 
@@ -30,7 +30,7 @@ def command(
     sixstrut climb improved --actuators ideal
     sixstrut climb my_library.yaml --json
     """
-    typer.echo(f"library {library}: every primitive uphill, some seconds each; Ctrl-C leaves at any time", err=True)
+    announce(f"library {library}: every primitive uphill, some seconds each; Ctrl-C leaves at any time")
     from rich.console import Console
 
     from sim_core.dynamics.actuators import require_actuators

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.options import JsonOption, PrototypeOption, announce
 
 if TYPE_CHECKING:
     from sim_core.validation import Case
@@ -61,7 +61,7 @@ def command(
         output = _default_page()
     setting = Setting(load_prototype(prototype))
     model = build_model(setting.prototype)
-    typer.echo(f"{len(chosen)} cases; all of them take a minute or two; Ctrl-C leaves at any time", err=True)
+    announce(f"{len(chosen)} cases; all of them take a minute or two; Ctrl-C leaves at any time")
     results: dict[str, Case] = {}
     seconds: dict[str, float] = {}
     console = Console(stderr=True)

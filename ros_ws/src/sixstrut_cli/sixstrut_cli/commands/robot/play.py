@@ -9,6 +9,8 @@ from typing import Annotated
 
 import typer
 
+from sixstrut_cli.options import announce
+
 
 def command(
     bag: Annotated[Path, typer.Argument(help="An .mcap file that the bridge recorded.")],
@@ -22,7 +24,7 @@ def command(
     sixstrut play bags/example.mcap
     sixstrut play bags/example.mcap --rate 4 --no-twin
     """
-    typer.echo(f"reading {bag}" + ("; a twin that follows is started" if twin else ""), err=True)
+    announce(f"reading {bag}" + ("; a twin that follows is started" if twin else ""))
     from rich.console import Console
     from rich.progress import Progress
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption
+from sixstrut_cli.options import JsonOption, announce
 from sixstrut_cli.outputs import picture_path
 
 
@@ -32,7 +32,7 @@ def command(
     sixstrut odds bags/example.mcap
     sixstrut odds bags/monday bags/tuesday --picture odds.png
     """
-    typer.echo("reading bags: some seconds for each that is large", err=True)
+    announce("reading bags: some seconds for each that is large")
     from sim_core.studies.binomial_intervals import rate_of
     from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in, newest
     from tensegrity_lab.reports.hypothesis_tests import calibration

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import JsonOption
+from sixstrut_cli.options import JsonOption, announce
 
 
 def command(
@@ -48,7 +48,7 @@ def command(
     sixstrut replay bags/example.mcap --picture session.png --set mu_s=0.45 --set mu_k=0.4
     sixstrut replay bags/monday/bags/session_20260102_030405.mcap --trial 17 --ensemble 24 --picture trial.png
     """
-    typer.echo(f"stepping the twin through {bag}", err=True)
+    announce(f"stepping the twin through {bag}")
     from sim_core.rolling.warm_up import Stage
     from tensegrity_lab.bags.trial_replay import parsed_changes
     from tensegrity_lab.terminal.compile_notice import compile_first

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from sixstrut_cli.options import chosen_sessions
+from sixstrut_cli.options import announce, chosen_sessions
 
 
 class _Greedy(TyperCommand):
@@ -51,7 +51,7 @@ def command(
     sixstrut report bags/monday
     sixstrut report bags/monday bags/tuesday --against bags/previous -o report
     """
-    typer.echo("reading the sessions", err=True)
+    announce("reading the sessions")
     from tensegrity_lab.reports.trial_report import Report, summary_of
 
     sessions = chosen_sessions(sessions)
