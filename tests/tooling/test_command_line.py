@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The frame around the commands: what an error, a wrong usage or Ctrl-C comes to."""
 
+import json
 import subprocess
 import sys
 from types import ModuleType
+from typing import Annotated
 
 import pytest
 import typer
@@ -114,3 +116,23 @@ def test_a_number_below_zero_is_no_option(monkeypatch):
     assert app.run(["test", "-0.3,0.2", "-1", "--turn", "-5"]) == 0
     assert seen == [(["-0.3,0.2", "-1"], -5.0)]
     assert app.run(["test", "-0.3,x"]) == 2
+
+
+def test_with_json_an_error_is_json_too(monkeypatch, capsys):
+    def command(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
+        raise KeyError("x")
+
+    use(monkeypatch, command)
+    assert app.run(["test", "--json"]) == 1
+    said = capsys.readouterr()
+    assert json.loads(said.out)["error"].startswith("KeyError: 'x'")
+    assert said.err.startswith("error: ")
+
+
+def test_below_80_columns_help_is_plain_and_no_line_is_too_long(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    assert app.run(["roll", "--help"]) == 0
+    assert app.run([]) == 0
+    said = capsys.readouterr().out
+    assert "│" not in said
+    assert max(map(len, said.splitlines())) <= 60

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import shutil
+import textwrap
 from pathlib import Path
 from typing import NamedTuple
 
@@ -81,17 +83,21 @@ def static_help(name: str | None) -> str:
         if entry.name == name:
             more = "" if entry.module is None else "\n\nIts options: ./sixstrut setup, then this again."
             return f"Usage: ./sixstrut {name}\n\n{entry.help}{more}"
-    width = max(map(len, names()))
+    width, room = max(map(len, names())), shutil.get_terminal_size().columns
     lines = []
     for group in GROUPS:
-        lines += ["", f"{group}:", *(f"  {entry.name:{width}}  {entry.help}" for entry in entries() if entry.group == group)]
+        lines += ["", f"{group}:", *(_line(entry, width, room) for entry in entries() if entry.group == group)]
     return "\n".join(
         [
             "Usage: ./sixstrut COMMAND [OPTIONS]",
             "",
-            "A six-strut rolling tensegrity robot: its model, its gaits, its ROS 2 nodes.",
+            textwrap.fill("A six-strut rolling tensegrity robot: its model, its gaits, its ROS 2 nodes.", room),
             *lines,
             "",
-            "The first command that needs them installs all packages into .venv and builds ros_ws, once.",
+            textwrap.fill("The first command that needs them installs all packages into .venv and builds ros_ws, once.", room),
         ]
     )
+
+
+def _line(entry: Entry, width: int, room: int) -> str:
+    return textwrap.fill(f"  {entry.name:{width}}  {entry.help}", room, subsequent_indent=" " * (width + 4))

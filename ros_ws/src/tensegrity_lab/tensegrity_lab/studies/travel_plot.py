@@ -20,6 +20,9 @@ def travel_picture(trip: Trip, path: Path) -> None:
     figure = new_figure(7, 6)
     axes = figure.add_subplot()
     _floor(axes, [trip])
+    if len(trip.faces) == len(trip.places_m):
+        for face, place in zip(trip.faces, trip.places_m, strict=True):
+            axes.annotate(face, place, xytext=(5, 5), textcoords="offset points", fontsize="x-small", color="0.35")
     end = "arrived" if trip.success else "gave up"
     axes.set_title(f"{end}: {trip.rolls} rolls, {trip.missed} missed, {trip.robot_s:.0f} s of robot time; virtual")
     figure.savefig(path, dpi=110)
@@ -45,9 +48,10 @@ def _floor(axes: Any, trips: Sequence[Trip]) -> None:
         if len(places):
             axes.plot(*places[-1], "o" if trip.success else "X", color=color, ms=6)
     axes.plot(0.0, 0.0, "s", color="black", ms=6)
-    for label, mark, color in (
-        ("start", "s", "black"), ("goal", "*", GREEN), ("arrived", "o", BLUE), ("gave up", "X", ORANGE),
-    ):  # fmt: skip
+    marks = [("start", "s", "black"), ("goal", "*", GREEN)]
+    marks += [("arrived", "o", BLUE)] * any(trip.success for trip in trips)
+    marks += [("gave up", "X", ORANGE)] * any(not trip.success for trip in trips)
+    for label, mark, color in marks:
         axes.plot([], [], mark, color=color, label=label)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.1)

@@ -208,7 +208,7 @@ def _show_plan(console: Console, asked: Asked, folder: SessionFolder, ledger: Le
         show(f"  pace        struts may run 20 % of the time; the busiest runs {busy} of robot time; {places} placings elsewhere")
     else:
         show("  to go       nothing: the session is complete")
-    show(f"  folder      {_short(folder.path)}")
+    show(f"  folder      {folder.path.resolve()}")
     show("")
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
@@ -90,7 +89,7 @@ def command(
         ratio = f"path {trip.path_m:.2f} m for {trip.straight_m - trip.left_m:.2f} m won"
         typer.echo(f"{trip.rolls} rolls, {trip.missed} missed, {trip.robot_s:.0f} s of robot time; {ratio}")
         for path in (trip.bag, picture):
-            typer.echo(f"wrote {os.path.relpath(path)}")
+            typer.echo(f"wrote {Path(path).resolve()}")
     if not trip.success:
         raise typer.Exit(4)
 
