@@ -20,9 +20,6 @@ def travel_picture(trip: Trip, path: Path) -> None:
     figure = new_figure(7, 6)
     axes = figure.add_subplot()
     _floor(axes, [trip])
-    if len(trip.faces) == len(trip.places_m):
-        for face, place in zip(trip.faces, trip.places_m, strict=True):
-            axes.annotate(face, place, xytext=(5, 5), textcoords="offset points", fontsize="x-small", color="0.35")
     end = "arrived" if trip.success else "gave up"
     axes.set_title(f"{end}: {trip.rolls} rolls, {trip.missed} missed, {trip.robot_s:.0f} s of robot time; virtual")
     figure.savefig(path, dpi=110)
