@@ -57,15 +57,16 @@ def _dispatch(layout: Layout, arguments: Sequence[str]) -> int:
         print(registry.static_help(name))
         return 0
     if name is not None and name not in registry.names():
-        meant = "".join(f" Did you mean {near}?" for near in get_close_matches(name, registry.names(), 1))
-        print(f"sixstrut: no command {name!r}; there are: {', '.join(registry.names())}.{meant}", file=sys.stderr)
+        near = get_close_matches(name, registry.names(), 1)
+        meant = f"did you mean {near[0]}? All: ./sixstrut --help" if near else f"there are: {', '.join(registry.names())}"
+        print(f"sixstrut: no command {name!r}; {meant}", file=sys.stderr)
         return EXIT_USAGE
     if name in registry.SETUP_COMMANDS and len(arguments) > 1:
         print(f"sixstrut: {name} takes no options", file=sys.stderr)
         return EXIT_USAGE
     if name == "clean":
         return _clean(layout)
-    set_up(layout, registry.groups_of(name, arguments))
+    set_up(layout, registry.packages_of(name, arguments))
     if name == "env":
         print(environment.exports(environment.overlay(os.environ, layout, workspace.paths(layout))))
         return 0

@@ -50,6 +50,14 @@ def test_a_route_names_every_roll_with_its_gait_and_odds():
     assert "TC6 → " in sixstrut("route", "TC6", "TC1").stdout
 
 
+@pytest.mark.parametrize("place", [("-0.2,0.1",), ("-0.2", "0.1")])
+def test_a_place_may_be_anywhere_on_the_floor(place):
+    result = sixstrut("route", "TC6", *place, "--reach", "0.2", "--json")
+    assert result.returncode == 0, result.stderr
+    x, y = json.loads(result.stdout)["places_m"][-1]
+    assert (x + 0.2) ** 2 + (y - 0.1) ** 2 < 0.2**2
+
+
 def test_a_search_that_was_interrupted_is_gone_on_with_and_leaves_no_state(tmp_path):
     path = tmp_path / "few.yaml"
     words = ("search", "--class", "TO5-TC6", "--keep", "2", "--generations", "2", "-o", str(path), "--json")
@@ -78,7 +86,8 @@ def test_a_roll_that_does_not_work_exits_4_and_says_why():
         (("roll", "--policy", "0 0 0 0 0 60"), 1, "S6 = 60 mm: valid is a whole number of mm in [-45, 45]"),
         (("roll", "--policy", "a b"), 2, "valid are six whole numbers"),
         (("roll", "--primitive", "P99"), 1, "no primitive 'P99'"),
-        (("roll", "--library", "nowhere"), 1, "shipped are: improved, previous, robust"),
+        (("roll", "--library", "nowhere"), 1, "no library is called 'nowhere'; shipped are: improved, previous, robust"),
+        (("roll", "--library", "/nowhere.yaml"), 1, "cannot read library /nowhere.yaml: No such file"),
         (("roll", "--perturbation", "0.9"), 1, "perturbation scale 0.9"),
         (("parameters", "--prototype", "/nowhere.yaml"), 1, "/nowhere.yaml: No such file"),
         (("robustness", "nowhere"), 1, "shipped are: improved, previous, robust"),
@@ -96,7 +105,8 @@ def test_a_roll_that_does_not_work_exits_4_and_says_why():
         (("demo", "--rolls", "0"), 2, "--rolls"),
         (("travel",), 2, "give a place such as 0.6,0.3"),
         (("travel", "there"), 2, "valid is a face such as TC1, or a place"),
-        (("travel", "1,0", "--from-face", "TX"), 1, "unknown face 'TX'"),
+        (("travel", "1", "2", "3"), 2, "'1,2,3': valid is a face such as TC1, or a place"),
+        (("travel", "-1,0", "--from-face", "TX"), 1, "unknown face 'TX'"),
         (("console", "--token", "a&b"), 1, "every user of this machine sees --token: choose another secret"),
         (("fly",), 2, "fly"),
     ],
@@ -139,3 +149,54 @@ def test_help_of_every_command_shows_an_example():
             result = sixstrut(entry.name, "--help")
             assert result.returncode == 0
             assert f"sixstrut {entry.name}" in result.stdout
+
+
+@pytest.fixture
+def library(tmp_path):
+    """A primitive library that nobody wants to lose."""
+    path = tmp_path / "mine.yaml"
+    path.write_text("schema: 1\nprimitives:\n- {name: A, class: TO5-TC6, policy_mm: [36, 7, -30, -23, -34, 14]}\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (("calibrate-model", "-o"), "a prototype"),
+        (("calibrate", "--virtual"), "a calibration"),
+        (("robustness", "robust", "--odds"), "gaits' success counts"),
+        (("fit", "nowhere", "--ensemble"), "an ensemble"),
+        (("climb", "-o"), "climb limits"),
+    ],
+)
+def test_a_file_of_another_kind_is_never_overwritten_and_found_before_any_work(library, words, wanted):
+    before = library.read_bytes()
+    result = sixstrut(*words, str(library))
+    assert result.returncode == 2, result.stderr
+    said = "".join(result.stderr.replace("│", " ").split())
+    assert "".join(f"exists and is a primitive library, not {wanted}: it is left as it is".split()) in said
+    assert library.read_bytes() == before
+
+
+def test_a_picture_is_not_written_over_a_file_that_is_none(library):
+    result = sixstrut("roll", "--picture", str(library))
+    assert result.returncode == 2
+    assert "validendsare.png,.svg,.pdf" in "".join(result.stderr.replace("│", " ").split())
+
+
+def test_the_kinds_of_files_are_told_apart():
+    from importlib.resources import files
+
+    from sixstrut_cli.outputs import KINDS, kind_of
+
+    shipped = {
+        "libraries/robust.yaml": "primitive library",
+        "prototype.yaml": "prototype",
+        "odds/robust.yaml": "gaits' success counts",
+        "climbs/robust.yaml": "climb limits",
+        "actuators.yaml": "actuator file",
+    }
+    for name, kind in shipped.items():
+        assert kind_of(files("sim_core") / "data" / name) == kind
+    assert kind_of(files("hardware_bridge") / "data" / "calibration_default.yaml") == "calibration"
+    assert set(shipped.values()) | {"calibration", "ensemble"} == set(KINDS)

@@ -105,7 +105,7 @@ def test_it_shows_what_the_stack_tells(stage):
     stage.shows("#face", "TC6")
     stage.shows("#faceSource", "prototype")
     stage.shows("#link", "open")
-    stage.shows("#neighbours", "%")
+    stage.shows("#neighbours", " of ")
     assert sorted(stage.page.eval_on_selector_all("#neighbours button", "all => all.map(one => one.dataset.face)")) == [
         "TO5", "TO7", "TO9",
     ]  # fmt: skip

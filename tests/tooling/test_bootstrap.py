@@ -62,7 +62,7 @@ def test_a_command_that_does_not_exist_is_told_before_anything_is_installed(fres
     result = launch(fresh, "rol")
     assert result.returncode == 2
     assert "no command 'rol'" in result.stderr
-    assert "Did you mean roll?" in result.stderr
+    assert "did you mean roll?" in result.stderr
     assert not installed(fresh)
 
 

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """The frame around the commands: what an error, a wrong usage or Ctrl-C comes to."""
 
+import json
 import subprocess
 import sys
 from types import ModuleType
+from typing import Annotated
 
 import pytest
 import typer
@@ -58,9 +60,10 @@ def test_wrong_usage_exits_2(monkeypatch, arguments: list[str]):
     assert app.run(arguments) == 2
 
 
-def test_ctrl_c_exits_130(monkeypatch):
+def test_ctrl_c_exits_130_and_is_said(monkeypatch, capsys):
     use(monkeypatch, raising(KeyboardInterrupt()))
     assert app.run(["test"]) == 130
+    assert capsys.readouterr().err == "\ninterrupted\n"
 
 
 @pytest.mark.parametrize("code", [0, 1, 4])
@@ -78,7 +81,7 @@ def test_no_command_shows_the_help(capsys):
 
 def test_a_command_whose_module_is_missing_is_told_loudly(monkeypatch, tmp_path):
     monkeypatch.setattr(registry, "_COMMANDS", tmp_path)
-    with pytest.raises(FileNotFoundError, match=r"modules are missing in .*: robot\.demo, model\.roll"):
+    with pytest.raises(FileNotFoundError, match=r"modules are missing in .*: robot\.demo, robot\.console"):
         registry.names()
 
 
@@ -89,3 +92,47 @@ def test_starting_up_imports_neither_ros_nor_the_numerics():
     )
     output = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert output.splitlines()[-1] == "[]"
+
+
+def test_the_help_groups_the_commands(capsys):
+    app.run([])
+    said = capsys.readouterr().out
+    places = [said.index(group) for group in registry.GROUPS]
+    assert places == sorted(places)
+    assert registry.GROUPS[0] == registry.entries()[0].group
+    static = registry.static_help(None)
+    for entry in registry.entries():
+        assert entry.group in registry.GROUPS
+        assert f"  {entry.name} " in static
+
+
+def test_a_number_below_zero_is_no_option(monkeypatch):
+    seen = []
+
+    def command(places: list[str], turn: float = 0.0) -> None:
+        seen.append(([word.strip() for word in places], turn))
+
+    use(monkeypatch, command)
+    assert app.run(["test", "-0.3,0.2", "-1", "--turn", "-5"]) == 0
+    assert seen == [(["-0.3,0.2", "-1"], -5.0)]
+    assert app.run(["test", "-0.3,x"]) == 2
+
+
+def test_with_json_an_error_is_json_too(monkeypatch, capsys):
+    def command(as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
+        raise KeyError("x")
+
+    use(monkeypatch, command)
+    assert app.run(["test", "--json"]) == 1
+    said = capsys.readouterr()
+    assert json.loads(said.out)["error"].startswith("KeyError: 'x'")
+    assert said.err.startswith("error: ")
+
+
+def test_below_80_columns_help_is_plain_and_no_line_is_too_long(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "60")
+    assert app.run(["roll", "--help"]) == 0
+    assert app.run([]) == 0
+    said = capsys.readouterr().out
+    assert "│" not in said
+    assert max(map(len, said.splitlines())) <= 60

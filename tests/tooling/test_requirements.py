@@ -20,10 +20,10 @@ def normalised(name: str) -> str:
 def test_there_is_a_lock_for_each_group_and_each_command_names_groups_that_there_are():
     assert set(LOCKS) == set(GROUPS)
     for name in registry.names():
-        assert set(registry.groups_of(name, [name])) <= set(GROUPS) - {"base"}
-    assert registry.groups_of("robustness", ["robustness", "--scheduler", "tcp:x"]) == ("cluster",)
-    assert registry.groups_of("search", ["search", "--scheduler=tcp:x"]) == ("cluster",)
-    assert registry.groups_of(None, []) == ()
+        assert set(registry.packages_of(name, [name])) <= set(GROUPS) - {"base"}
+    assert registry.packages_of("robustness", ["robustness", "--scheduler", "tcp:x"]) == ("cluster",)
+    assert registry.packages_of("search", ["search", "--scheduler=tcp:x"]) == ("cluster",)
+    assert registry.packages_of(None, []) == ()
 
 
 @pytest.mark.parametrize("group", GROUPS)

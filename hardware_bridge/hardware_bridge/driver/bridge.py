@@ -115,6 +115,14 @@ class Bridge:
         self._silent_board = silent_board
         self._motion_count = 0
 
+    def __enter__(self) -> Bridge:
+        """Opened; see `open`."""
+        self.open()
+        return self
+
+    def __exit__(self, kind: object, error: object, trace: object) -> None:
+        self.close()
+
     # ---- life -------------------------------------------------------------------------------------------------------
 
     def open(self) -> None:

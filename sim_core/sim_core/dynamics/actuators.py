@@ -38,6 +38,8 @@ from sim_core.structure.parameters import SOURCES, Prototype, Spec
 
 Array = NDArray[np.float64]
 SCHEMA = 1
+SHIPPED = "sim_core/sim_core/data/actuators.yaml"
+"""Where the stand-in ones lie in the repository, for people."""
 IDEAL, STAND_IN = "ideal", "stand-in"
 """Names of actuators: the solver's own, and those of the shipped file."""
 PERIOD_S = 0.01
@@ -236,11 +238,11 @@ def require_actuators(which: str) -> ActuatorParameters | None:
 def parse_actuators(document: Any, file: str) -> ActuatorParameters:
     """The actuators of a parsed YAML; `file` names it in errors. Raises ParameterError."""
     if not isinstance(document, Mapping) or document.get("schema") != SCHEMA:
-        raise ParameterError(f"{file} is not an actuator file: valid is a mapping with schema {SCHEMA}, as in {default_path()}")
+        raise ParameterError(f"{file} is not an actuator file: valid is a mapping with schema {SCHEMA}, as in {SHIPPED}")
     given = {name: row for name, row in document.items() if name not in ("schema", "name")}
     if given.keys() != SPECS.keys():
         missing, unknown = sorted(SPECS.keys() - given.keys()), sorted(map(str, given.keys() - SPECS.keys()))
-        raise ParameterError(f"{file}: missing {missing}, unknown {unknown}; valid parameters are those of {default_path()}")
+        raise ParameterError(f"{file}: missing {missing}, unknown {unknown}; valid parameters are those of {SHIPPED}")
     parameters = ActuatorParameters(
         **{field.name: _value(file, field.name, given[field.name]) for field in fields(ActuatorParameters)}
     )

@@ -122,7 +122,10 @@ def load_library(name_or_path: str | Path = "robust") -> Library:
         document = read_yaml(path)
     except OSError as error:
         shipped = ", ".join(sorted(p.stem for p in libraries_folder().glob("*.yaml")))
-        raise LibraryError(f"cannot read library {path}: {error.strerror}; shipped are: {shipped}") from error
+        valid = f"shipped are: {shipped}; your own is a path that ends in .yaml"
+        if path.parent == libraries_folder():
+            raise LibraryError(f"no library is called {str(name_or_path)!r}; {valid}") from error
+        raise LibraryError(f"cannot read library {path}: {error.strerror}; {valid}") from error
     except YamlError as error:
         raise LibraryError(str(error)) from error
     return parse_library(document, str(path))

@@ -17,6 +17,8 @@ from sim_core.printable import printable
 from sim_core.structure.symmetry import rolls_of
 
 SCHEMA = 1
+MEANS = 9_998
+"""Files hold counts over a uniform prior; a probability that was learnt is written as a count out of so many, to 1 in 10,000."""
 
 
 @dataclass(frozen=True)
@@ -40,9 +42,15 @@ class Odds:
         wins = self.wins[gait.primitive.name][rolls_of(gait.primitive.roll_class).index((gait.source, gait.target))]
         return (wins + 1.0) / (self.trials + 2.0)
 
+    def tries(self, gait: Gait) -> tuple[int, int] | None:
+        """Successes and trials of the gait; None where the file holds probabilities that were learnt, and no counts."""
+        if self.trials == MEANS:
+            return None
+        return self.wins[gait.primitive.name][rolls_of(gait.primitive.roll_class).index((gait.source, gait.target))], self.trials
+
 
 def odds_text(odds: Odds) -> str:
-    """The YAML of a library's odds."""
+    """The YAML of how likely a library's gaits are."""
     head = {"schema": SCHEMA, "library_hash": odds.library_hash, "how": odds.how, "trials": odds.trials}
     lines = [yaml.safe_dump(head, sort_keys=False, allow_unicode=True, width=120).rstrip(), "wins:"]
     lines += [f"  {name}: [{', '.join(map(str, wins))}]" for name, wins in odds.wins.items()]
@@ -50,7 +58,7 @@ def odds_text(odds: Odds) -> str:
 
 
 def load_odds(library: Library, path: Path | None = None) -> Odds | None:
-    """Odds of a library from a file, or from the shipped one of its name; None if none is shipped, or it is another library's.
+    """How likely gaits are, from a file, or from the shipped one of its name; None if none is shipped, or it is another library's.
 
     Raises:
         LibraryError: a given file that cannot be read, or belongs to another library.
@@ -68,10 +76,10 @@ def load_odds(library: Library, path: Path | None = None) -> Odds | None:
         if path is None:
             return None
         raise LibraryError(
-            f"cannot read odds {file}: {printable(error, 200)}; make them with: sixstrut robustness LIBRARY --odds FILE"
+            f"cannot read success counts {file}: {printable(error, 200)}; make them with: sixstrut robustness LIBRARY --odds FILE"
         ) from error
     if odds.library_hash != library.hash:
         if path is None:
             return None
-        raise LibraryError(f"odds {file} are of library {odds.library_hash}, not of {library.name!r} ({library.hash})")
+        raise LibraryError(f"success counts {file} are of library {odds.library_hash}, not of {library.name!r} ({library.hash})")
     return odds

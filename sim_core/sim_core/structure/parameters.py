@@ -17,6 +17,8 @@ from sim_core.files.yaml_reader import read_yaml
 from sim_core.printable import printable
 
 SCHEMA = 1
+SHIPPED = "sim_core/sim_core/data/prototype.yaml"
+"""Where the nominal prototype lies in the repository, for people: `default_path` may lead into a build folder."""
 SOURCES = ("paper", "math", "method", "stand-in", "design", "standard", "calibrated", "measured")
 Vector = tuple[float, ...]
 
@@ -212,7 +214,7 @@ def load_entries(path: Path | str | None = None) -> tuple[Entry, ...]:
 def parse_entries(document: Any, file: str) -> tuple[Entry, ...]:
     """The checked rows of a parsed prototype YAML; `file` names it in errors. Raises ParameterError."""
     if not isinstance(document, Mapping):
-        raise ParameterError(f"{file} is not a prototype file: valid is a mapping of parameters, as in {default_path()}")
+        raise ParameterError(f"{file} is not a prototype file: valid is a mapping of parameters, as in {SHIPPED}")
     if document.get("schema") != SCHEMA:
         raise ParameterError(f"{file}: schema {brief(document.get('schema'))} is not known; valid is {SCHEMA}")
     given = {name: row for name, row in document.items() if name not in ("schema", "name")}
@@ -220,7 +222,7 @@ def parse_entries(document: Any, file: str) -> tuple[Entry, ...]:
     if missing or unknown:
         names = printable(", ".join(map(str, unknown)), 80)
         parts = [f"missing: {', '.join(missing)}"] * bool(missing) + [f"unknown: {names}"] * bool(unknown)
-        raise ParameterError(f"{file}: {'; '.join(parts)}; valid parameters are those of {default_path()}")
+        raise ParameterError(f"{file}: {'; '.join(parts)}; valid parameters are those of {SHIPPED}")
     return tuple(_entry(file, name, row) for name, row in given.items())
 
 

@@ -51,6 +51,21 @@ def rate_of(successes: int, trials: int, confidence: float = CONFIDENCE) -> Rate
     return Rate(int(successes), int(trials), low, high)
 
 
+def counted(successes: int, trials: int) -> str:
+    """Counts, and what they say of the probability with 95 % confidence: "20 of 20 tries, so at least 86 %".
+
+    One bound where all or none succeeded, two otherwise. Raises SimError as `rate_of`.
+    """
+    rate = rate_of(successes, trials)
+    if successes == trials:
+        says = f"at least {100 * (1.0 - CONFIDENCE) ** (1.0 / trials):.0f} %"
+    elif successes == 0:
+        says = f"at most {100 * (1.0 - (1.0 - CONFIDENCE) ** (1.0 / trials)):.0f} %"
+    else:
+        says = f"{100 * rate.low:.0f} to {100 * rate.high:.0f} %"
+    return f"{successes} of {trials} tries, so {says}"
+
+
 def rates_along(wins: NDArray[np.bool_]) -> list[Rate]:
     """A rate for each first index, over all others."""
     rows = wins.reshape(len(wins), -1)

@@ -8,7 +8,7 @@ after the return, which is what an operator sees; the model's limits of force an
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
@@ -166,7 +166,7 @@ def fit(
     seed: int = 1,
     lapse: float = bayes.LAPSE,
     rounds: int = ROUNDS,
-    report: Report = silent,
+    report_of: Callable[[int], Report] = lambda number: silent,
     first_wins: NDArray[np.bool_] | None = None,
 ) -> Fit:
     """Fit an ensemble. The same arguments give the same ensemble.
@@ -179,7 +179,7 @@ def fit(
         seed: of all draws.
         lapse: least lapse rate ε.
         rounds: after the first, at most; drawn while too few members carry the weight (ENOUGH).
-        report: told (rolls done, rolls in all) of each round.
+        report_of: number of a round, from 1 -> what is told (rolls done, rolls in all) of it.
         first_wins: what the prior's members do in these trials, (count, trials), if that is known already.
 
     Raises:
@@ -191,7 +191,7 @@ def fit(
     rolls = [(trial.roll, trial.placed) for trial in seen]
     observed = np.array([trial.won for trial in seen])
     z, members = prior_members(prior, count, seed)
-    wins = wins_of(nominal, members, rolls, report) if first_wins is None else first_wins
+    wins = wins_of(nominal, members, rolls, report_of(1)) if first_wins is None else first_wins
     kernels: list[tuple[bayes.Kernel, int]] = []
     sizes: list[float] = []
     lapses: list[float] = []
@@ -207,7 +207,7 @@ def fit(
         new = tuple(prior.member(row, seed, len(members) + number) for number, row in enumerate(more))
         kernels.append((kernel, count))
         z, members = np.vstack([z, more]), members + new
-        wins = np.vstack([wins, wins_of(nominal, new, rolls, report)])
+        wins = np.vstack([wins, wins_of(nominal, new, rolls, report_of(1 + len(kernels)))])
 
 
 class Estimate(NamedTuple):

@@ -7,14 +7,12 @@ from collections.abc import Callable, Mapping
 
 from sim_core.errors import LibraryError
 from sim_core.gaits.library import Gait, Library, gait_of
-from sim_core.gaits.success_probability import Odds
+from sim_core.gaits.success_probability import MEANS, Odds
 from sim_core.structure.symmetry import rolls_of
 from sim_core.uncertainty.importance_weights import beta_mean
 
 WEIGHT = 4.0
 """Pseudo-trials that the prior odds are worth: so many trials of a gait count as much as all that was thought before."""
-PARTS = 9_998
-"""Odds files hold counts over a uniform prior; means are written as counts out of so many, hence to 1 in 10,000."""
 
 Tried = Mapping[tuple[str, str, str], tuple[int, int]]
 """(primitive, source, target) -> (successes, trials)."""
@@ -40,10 +38,10 @@ def learned_odds(library: Library, prior: Callable[[Gait], float], tried: Tried,
         for source, target in rolls_of(primitive.roll_class):
             won, trials = left.pop((primitive.name, source, target), (0, 0))
             mean = beta_mean(prior(gait_of(primitive, source, target)), weight, won, trials)
-            row.append(min(PARTS, max(0, round(mean * (PARTS + 2)) - 1)))
+            row.append(min(MEANS, max(0, round(mean * (MEANS + 2)) - 1)))
         wins[primitive.name] = tuple(row)
     if left:
         name, source, target = next(iter(left))
         raise LibraryError(f"library {library.name!r} has no gait {name} {source}→{target}: give the library that was tried")
-    text = f"{how}; means of Beta posteriors, prior worth {weight:g} trials, written as counts out of {PARTS}: not trials"
-    return Odds(library.hash, text, PARTS, wins)
+    text = f"{how}; means of Beta posteriors, prior worth {weight:g} trials, written as counts out of {MEANS}: not trials"
+    return Odds(library.hash, text, MEANS, wins)

@@ -192,6 +192,14 @@ class Law:
         return "slope" not in self.groups
 
     @property
+    def brief(self) -> str:
+        """The law in a few words: "±10 %"; what that means of each part is told in the documentation, Perturbed prototypes."""
+        groups = "" if self.groups == JUDGED else f" in {', '.join(self.groups) or 'nothing'}"
+        shared = f", batches correlated by {self.correlation:g}" if self.correlation else ""
+        incline = f", ground inclined by {self.incline_deg:g}°" if self.incline_deg else ""
+        return f"±{100 * self.scale:g} %{groups}{shared}{incline}"
+
+    @property
     def words(self) -> str:
         """The law, for people and for provenance."""
         text = f"uniform at scale s = {self.scale:g}: " + (", ".join(GROUPS[name].what for name in self.groups) or "nothing")

@@ -59,6 +59,11 @@ class Posterior:
         size = f"effective size {effective_size(self.weights):.1f}"
         return f"fitted to {self.provenance.get('trials', '?')} {virtual} of {self.provenance.get('robot', '?')}: {size}"
 
+    @property
+    def brief(self) -> str:
+        """As `words`."""
+        return self.words
+
     def drawn(self, count: int, seed: int) -> tuple[Member, ...]:
         """Members drawn by weight, equally heavy; heavy ones come several times. Raises EnsembleError: none asked for."""
         if count < 1 or seed < 0:

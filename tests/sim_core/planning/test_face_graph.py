@@ -96,5 +96,5 @@ def test_odds_are_read_as_they_were_written_and_only_for_their_library(odds, tmp
     with pytest.raises(LibraryError, match="are of library"):
         load_odds(other, path)
     path.write_text("wins: 3", encoding="utf-8")
-    with pytest.raises(LibraryError, match="cannot read odds"):
+    with pytest.raises(LibraryError, match="cannot read success counts"):
         load_odds(LIBRARY, path)

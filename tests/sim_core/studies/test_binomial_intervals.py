@@ -4,7 +4,7 @@ import pytest
 from scipy.stats import binom, binomtest
 
 from sim_core.errors import SimError
-from sim_core.studies.binomial_intervals import counts_of, rate_of, rates_along
+from sim_core.studies.binomial_intervals import counted, counts_of, rate_of, rates_along
 
 
 @pytest.mark.parametrize(("successes", "trials"), [(0, 20), (1, 20), (17, 24), (20, 20), (480, 480)])
@@ -35,3 +35,16 @@ def test_levels_are_counted_as_the_paper_does():
 def test_impossible_counts_are_refused(successes, trials):
     with pytest.raises(SimError, match="valid is at least one trial"):
         rate_of(successes, trials)
+
+
+@pytest.mark.parametrize(
+    ("successes", "trials", "text"),
+    [
+        (20, 20, "20 of 20 tries, so at least 86 %"),
+        (24, 24, "24 of 24 tries, so at least 88 %"),
+        (0, 20, "0 of 20 tries, so at most 14 %"),
+        (17, 20, "17 of 20 tries, so 62 to 97 %"),
+    ],
+)
+def test_counts_say_what_they_tell_of_the_probability(successes, trials, text):
+    assert counted(successes, trials) == text

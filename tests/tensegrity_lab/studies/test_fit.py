@@ -99,7 +99,8 @@ def test_sessions_of_another_model_are_refused(tmp_path, model):
         read_tries([other.path], model)
 
 
-def test_what_does_not_belong_together_is_refused(session, tmp_path, model):
+def test_what_does_not_belong_together_is_refused(session, tmp_path, model, monkeypatch):
+    monkeypatch.setenv("SIXSTRUT_BAGS", str(tmp_path / "empty"))
     with pytest.raises(SessionError, match="given twice"):
         read_tries([session.path, session.path], model)
     another = begun(tmp_path / "tuesday", PLAN, robot="virtual two")
@@ -109,7 +110,7 @@ def test_what_does_not_belong_together_is_refused(session, tmp_path, model):
     with pytest.raises(SessionError, match="several robots: virtual one, virtual two"):
         read_tries([session.path, another.path], model)
     for words, message in (
-        (["fit"], "give at least one session"),
+        (["fit"], "there is no session in"),
         (["fit", str(session.path), "--counts-only"], "give --odds FILE"),
         (["fit", str(session.path), "--prior", "frictoin=1"], "valid is NAME=NUMBER with one of friction"),
         (["fit", str(tmp_path / "none")], "is not a session of trials"),

@@ -223,6 +223,8 @@ def test_the_plan_is_shown_first_with_order_duty_and_time(tmp_path):
         (("--virtual", "--library", "none"), "shipped are: improved"),
         (("--virtual", "--board", "arduino"), "lsc, ssc32, or maestro"),
         (("--port", "/dev/none", "--perturbation", "0.1"), "--perturbation is of a virtual prototype"),
+        (("--port", "/dev/none", "--calibration", "/dev/none.yaml"), "/dev/none.yaml"),
+        (("--port", "/dev/none"), "standard input is no terminal"),
     ],
 )
 def test_bad_input_gets_one_line_that_says_what_is_valid(words, complaint, tmp_path):
@@ -230,6 +232,13 @@ def test_bad_input_gets_one_line_that_says_what_is_valid(words, complaint, tmp_p
     assert result.returncode == 1
     assert complaint in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "s").exists(), "nothing is made before the plan is valid"
+
+
+def test_a_folder_of_something_else_is_left_as_it_is(tmp_path):
+    (tmp_path / "letter.txt").write_text("dear")
+    assert "holds letter.txt and no session" in sixstrut("trial", str(tmp_path), "--virtual").stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
 
 
 def test_a_session_that_runs_is_not_run_twice(tmp_path):

@@ -18,9 +18,12 @@ traceback.
 
 from __future__ import annotations
 
+import functools
 import importlib
+import json
 import os
 import re
+import shutil
 import sys
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
@@ -35,8 +38,13 @@ EXIT_INTERRUPTED = 130
 # Base classes of errors that say all there is to say. By name: importing them here would import numpy at each start.
 EXPECTED_ERRORS = frozenset({"sim_core.errors.SimError", "hardware_bridge.errors.BridgeError"})
 
+NARROW = 80
+"""Columns."""
+
 _STEERING = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 """What would steer a terminal."""
+_NEGATIVE = re.compile(r"-\.?\d[\d.]*(,[-\d.]+)?")
+"""A number or place below 0, which is no option: a blank in front says so, and every parser of numbers drops it."""
 _SETTINGS = {"help_option_names": ["--help", "-h"]}
 
 
@@ -47,8 +55,12 @@ def main() -> None:
 
 def run(arguments: Sequence[str]) -> int:
     """Runs one command line; returns its exit code."""
+    if narrow() and (not arguments or arguments[0] in _SETTINGS["help_option_names"]):
+        print(registry.static_help(None))
+        return 0
+    words = [f" {word}" if _NEGATIVE.fullmatch(word) else word for word in arguments]
     try:
-        build(arguments)(args=list(arguments) or ["--help"], prog_name="sixstrut")
+        build(words)(args=words or ["--help"], prog_name="sixstrut")
     except SystemExit as end:  # typer's way to return
         return _exit_code(end)
     except KeyboardInterrupt:
@@ -59,8 +71,10 @@ def run(arguments: Sequence[str]) -> int:
     except Exception as error:
         if debugging(arguments):
             raise
-        words = _STEERING.sub("", _describe(error))  # a file's text may be in it
-        print(f"error: {words}", file=sys.stderr)
+        said = _STEERING.sub("", _describe(error))  # a file's text may be in it
+        print(f"error: {said}", file=sys.stderr)
+        if "--json" in words:
+            print(json.dumps({"error": said}))  # where a script reads
         return EXIT_FAILED
     return 0
 
@@ -71,6 +85,7 @@ def build(arguments: Sequence[str]) -> typer.Typer:
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
+        rich_markup_mode=None if narrow() else "rich",
         context_settings=_SETTINGS,
     )
     app.callback()(_frame)
@@ -79,7 +94,7 @@ def build(arguments: Sequence[str]) -> typer.Typer:
         if entry.name == asked and entry.module is not None:
             _add(app, entry, importlib.import_module(f"sixstrut_cli.commands.{entry.module}"))
         else:
-            app.command(entry.name, help=entry.help)(_elsewhere(entry.name))
+            app.command(entry.name, help=entry.help, rich_help_panel=entry.group)(_elsewhere(entry.name))
     return app
 
 
@@ -92,9 +107,24 @@ def _frame(
 def _add(app: typer.Typer, entry: registry.Entry, module: Any) -> None:
     settings = {**_SETTINGS, **getattr(module, "CONTEXT_SETTINGS", {})}
     if hasattr(module, "app"):
-        app.add_typer(module.app, name=entry.name, context_settings=settings)
+        app.add_typer(module.app, name=entry.name, context_settings=settings, rich_help_panel=entry.group)
     else:
-        app.command(entry.name, context_settings=settings, cls=getattr(module, "COMMAND_CLASS", None))(module.command)
+        cls = getattr(module, "COMMAND_CLASS", None)
+        app.command(entry.name, context_settings=settings, cls=cls, rich_help_panel=entry.group)(_interruptible(module.command))
+
+
+def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
+    """The command, which says so when it is interrupted."""
+
+    @functools.wraps(command)
+    def run(*words: Any, **options: Any) -> None:
+        try:
+            command(*words, **options)
+        except KeyboardInterrupt:
+            print("\ninterrupted", file=sys.stderr)
+            raise typer.Exit(EXIT_INTERRUPTED) from None
+
+    return run
 
 
 def _elsewhere(name: str) -> Callable[[], None]:
@@ -105,6 +135,11 @@ def _elsewhere(name: str) -> Callable[[], None]:
         raise typer.Exit(EXIT_FAILED)
 
     return stub
+
+
+def narrow() -> bool:
+    """Whether frames would be rubble here: help and errors are plain text then."""
+    return shutil.get_terminal_size().columns < NARROW
 
 
 def debugging(arguments: Sequence[str]) -> bool:

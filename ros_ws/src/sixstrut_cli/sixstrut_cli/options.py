@@ -5,6 +5,8 @@ from __future__ import annotations
 
 import math
 import os
+import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -60,14 +62,32 @@ TokenOption = Annotated[str | None, typer.Option("--token", hidden=True)]
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 
 
-def place_of(text: str) -> tuple[float, float]:
-    """A place on the floor from "X,Y" in m. Raises typer.BadParameter."""
+def announce(words: str) -> None:
+    """The first line of a command that loads or computes for a while: for a person at a terminal, not for a script's log."""
+    if sys.stderr.isatty():
+        typer.echo(words, err=True)
+
+
+def chosen_sessions(given: list[Path] | None) -> list[Path]:
+    """The given ones; else the newest, named on standard error. Raises SessionError: there is none."""
+    if given:
+        return given
+    from tensegrity_lab.session_data.folder import newest_session
+
+    newest = newest_session()
+    typer.echo(f"the newest session: {newest}", err=True)
+    return [newest]
+
+
+def place_of(words: Sequence[str]) -> tuple[float, float]:
+    """A place on the floor in m from "X,Y", or from X and Y apart. Raises typer.BadParameter."""
+    text = ",".join(word.strip() for word in words)
     try:
         x, y = (float(part) for part in text.split(","))
     except ValueError:
         x = y = math.nan
     if not (math.isfinite(x) and math.isfinite(y)):
-        raise typer.BadParameter(f"{text!r}: valid is a face such as TC1, or a place on the floor in m, such as 1.0,0.3")
+        raise typer.BadParameter(f"{text!r}: valid is a face such as TC1, or a place on the floor in m, such as 1.0,-0.3")
     return x, y
 
 

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import shutil
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple
@@ -14,47 +16,59 @@ class Entry(NamedTuple):
     name: str
     help: str  # one line
     module: str | None  # in sixstrut_cli.commands; None: done by tooling/bootstrap.py before Python packages are there
-    groups: tuple[str, ...] = ()  # of packages that it needs beside the base; tooling/packages.py
+    group: str  # one of GROUPS
+    packages: tuple[str, ...] = ()  # groups of packages that it needs beside the base; tooling/packages.py
 
+
+START, SIMULATE, ROBOT, TRIALS, DEVELOP = "Start here", "Simulate", "Robot", "Trials", "Develop"
+GROUPS = (START, SIMULATE, ROBOT, TRIALS, DEVELOP)
+"""Of the help, in this order."""
 
 _ALL = (
-    Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "robot.demo"),
-    Entry("roll", "Simulate one roll and judge it.", "model.roll"),
-    Entry("search", "Find primitives with a genetic algorithm: improved, previous or robust.", "model.search"),
-    Entry("route", "The likeliest sequence of rolls from one face to another.", "model.route"),
-    Entry("travel", "Roll the virtual prototype to a place on the floor, replanned after every roll.", "robot.travel"),
-    Entry("rehearse", "Try a roll on perturbed robots before the real one does it: odds and outcomes.", "model.rehearse"),
-    Entry("robustness", "Try a library's 24 gaits on perturbed prototypes: rates, intervals, what kills them.", "model.robustness"),
-    Entry("climb", "How steep each primitive of a library still rolls uphill.", "model.climb"),
-    Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "model.recheck"),
-    Entry("trial", "Run a session of trials, a day long and resumable: primitives × gaits × repeats.", "trials.trial"),
-    Entry("report", "Success rates, intervals and tests of sessions, as a page with the paper's Figure 8.", "trials.report"),
-    Entry("odds", "Set the rehearsals' odds in any bags against what then happened: a calibration plot.", "trials.odds"),
+    Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "robot.demo", START),
     Entry(
-        "campaign", "Whole libraries on virtual prototypes, fast, and a sample of it through the whole stack.", "trials.campaign"
+        "console", "The robot in the browser: twin, chances, rolls by clicks, a stop button.", "robot.console", START, ("console",)
     ),
-    Entry("fit", "Learn from trials: an ensemble of robots that would have had them, and odds of every gait.", "trials.fit"),
-    Entry("console", "The robot in the browser: twin, odds, rolls by clicks, a stop button.", "robot.console", ("console",)),
-    Entry("foxglove", "Serve the live stack to the Foxglove app: every topic, and a stop button.", "robot.foxglove", ("console",)),
-    Entry("replay", "Step the twin through a recorded session and compare.", "trials.replay"),
-    Entry("play", "Play a recorded session into ROS, for a twin and viewers.", "robot.play"),
-    Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "robot.calibrate"),
-    Entry("doctor", "Check port, pairing, calibration, disk and versions; say how to mend each.", "robot.doctor"),
-    Entry("parameters", "Show the parameters of robot and model, with their sources.", "model.parameters"),
-    Entry("calibrate-model", "Scale the ropes until the first natural frequency is the given one.", "model.calibrate_model"),
-    Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "develop.bench", ("bench",)),
-    Entry("faults", "Make failures happen to the stack and look what comes of each.", "develop.faults"),
-    Entry("validate", "Compare the solver with closed forms and independent computations.", "model.validate"),
-    Entry("docs", "Write the reference pages from the code, and build the documentation's site.", "develop.docs", ("docs",)),
+    Entry("roll", "Simulate one roll and judge it.", "model.roll", START),
+    Entry("replay", "Step the twin through a recorded session and compare.", "trials.replay", START),
+    Entry("doctor", "Check port, pairing, calibration, disk and versions; say how to mend each.", "robot.doctor", START),
+    Entry("rehearse", "Try a roll on perturbed robots before the real one does it.", "model.rehearse", SIMULATE),
+    Entry("route", "The likeliest sequence of rolls from one face to another, or to a place.", "model.route", SIMULATE),
+    Entry("robustness", "Try a library's 24 gaits on perturbed prototypes: rates, what kills them.", "model.robustness", SIMULATE),
+    Entry("climb", "How steep each primitive of a library still rolls uphill.", "model.climb", SIMULATE),
+    Entry("search", "Find primitives with a genetic algorithm: improved, previous or robust.", "model.search", SIMULATE),
+    Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "model.recheck", SIMULATE),
+    Entry("parameters", "Show the parameters of robot and model, with their sources.", "model.parameters", SIMULATE),
+    Entry("calibrate-model", "Scale the ropes until the first frequency is the given one.", "model.calibrate_model", SIMULATE),
+    Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "robot.calibrate", ROBOT),
+    Entry("travel", "Roll the virtual prototype to a place on the floor, replanned after every roll.", "robot.travel", ROBOT),
+    Entry("play", "Play a recorded session into ROS, for a twin and viewers.", "robot.play", ROBOT),
+    Entry(
+        "foxglove",
+        "Serve the live stack to the Foxglove app: every topic, and a stop button.",
+        "robot.foxglove",
+        ROBOT,
+        ("console",),
+    ),
+    Entry("trial", "Run a session of trials, a day long and resumable: primitives × gaits × repeats.", "trials.trial", TRIALS),
+    Entry("report", "Success rates, intervals and tests of sessions, as a page with Figure 8.", "trials.report", TRIALS),
+    Entry("odds", "Were the predicted success probabilities right? Bags against what happened.", "trials.odds", TRIALS),
+    Entry("fit", "Learn from trials: robots that would have had them, and how likely each gait is.", "trials.fit", TRIALS),
+    Entry("campaign", "Whole libraries in virtual trials, fast; a sample through the whole stack.", "trials.campaign", TRIALS),
+    Entry("validate", "Compare the solver with closed forms.", "model.validate", DEVELOP),
+    Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "develop.bench", DEVELOP, ("bench",)),
+    Entry("faults", "Make failures happen to the stack and look what comes of each.", "develop.faults", DEVELOP),
+    Entry("docs", "Write the reference from the code; build the documentation's site.", "develop.docs", DEVELOP, ("docs",)),
     Entry(
         "test",
         "Run the checks and tests; with arguments, only pytest with these.",
         "develop.test",
+        DEVELOP,
         ("console", "cluster", "checks"),
     ),
-    Entry("setup", "Only set up: .venv with all packages, and the build of ros_ws.", None),
-    Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None),
-    Entry("clean", "Remove what set-up made.", None),
+    Entry("setup", "Only set up: .venv with all packages, and the build of ros_ws.", None, DEVELOP),
+    Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None, DEVELOP),
+    Entry("clean", "Remove what set-up made.", None, DEVELOP),
 )
 
 SETUP_COMMANDS = frozenset(entry.name for entry in _ALL if entry.module is None)
@@ -83,9 +97,9 @@ def names() -> list[str]:
     return [entry.name for entry in entries()]
 
 
-def groups_of(name: str | None, arguments: Sequence[str]) -> tuple[str, ...]:
+def packages_of(name: str | None, arguments: Sequence[str]) -> tuple[str, ...]:
     """Groups of packages that a command line needs beside the base."""
-    groups = next((entry.groups for entry in _ALL if entry.name == name), ())
+    groups = next((entry.packages for entry in _ALL if entry.name == name), ())
     return (*groups, "cluster") if any(word.split("=")[0] == "--scheduler" for word in arguments) else groups
 
 
@@ -95,17 +109,21 @@ def static_help(name: str | None) -> str:
         if entry.name == name:
             more = "" if entry.module is None else "\n\nIts options: ./sixstrut setup, then this again."
             return f"Usage: ./sixstrut {name}\n\n{entry.help}{more}"
-    width = max(map(len, names()))
-    lines = [f"  {entry.name:{width}}  {entry.help}" for entry in entries()]
+    width, room = max(map(len, names())), shutil.get_terminal_size().columns
+    lines = []
+    for group in GROUPS:
+        lines += ["", f"{group}:", *(_line(entry, width, room) for entry in entries() if entry.group == group)]
     return "\n".join(
         [
             "Usage: ./sixstrut COMMAND [OPTIONS]",
             "",
-            "A six-strut rolling tensegrity robot: its model, its gaits, its ROS 2 nodes.",
-            "",
-            "Commands:",
+            textwrap.fill("A six-strut rolling tensegrity robot: its model, its gaits, its ROS 2 nodes.", room),
             *lines,
             "",
-            "The first command that needs them installs all packages into .venv and builds ros_ws, once.",
+            textwrap.fill("The first command that needs them installs all packages into .venv and builds ros_ws, once.", room),
         ]
     )
+
+
+def _line(entry: Entry, width: int, room: int) -> str:
+    return textwrap.fill(f"  {entry.name:{width}}  {entry.help}", room, subsequent_indent=" " * (width + 4))

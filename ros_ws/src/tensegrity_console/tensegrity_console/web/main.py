@@ -96,7 +96,7 @@ class Orders:
         elif what == "face":
             self._ros.set_face(face, told)
         elif face != page.selected(self._ros.facts).target:
-            told(False, f"{face} is not what this page has selected now: select it, look at its odds, then roll")
+            told(False, f"{face} is not what this page has selected now: select it, look how likely it is, then roll")
         else:
             self._ros.roll(face, bool(order.get("anyway")), told)
 

@@ -163,11 +163,12 @@ class Scene:
                 self._put("trail", np.stack([self._trail[:-1], self._trail[1:]], axis=1))
 
     def _draw_faces(self, stance: Stance | None, facts: Facts) -> None:
-        """The face stood on and its neighbours, with names and odds; drawn anew only when something of it changed."""
+        """The face stood on and its neighbours, with names and counts of rehearsals; drawn anew only when something changed."""
         known = facts.rehearsal is not None and facts.rehearsal["source"] == facts.face
-        odds = {gait["target"]: gait["odds"] for gait in facts.rehearsal["gaits"]} if facts.rehearsal and known else {}
+        gaits = facts.rehearsal["gaits"] if facts.rehearsal and known else ()
+        tried = {gait["target"]: f" {gait['successes']} of {gait['members']}" for gait in gaits}
         place = (stance.face, round(stance.x_m, 2), round(stance.y_m, 2), round(stance.yaw_rad, 1)) if stance else None
-        state = (place, tuple(sorted(odds.items())))
+        state = (place, tuple(sorted(tried.items())))
         if state == self._drawn:
             return
         self._drawn = state
@@ -175,8 +176,7 @@ class Scene:
         if stance is not None:
             shown.append((facts.joints_m[list(FACES[stance.face]), :2], BLUE, 0.45, stance.face))
             for neighbour in self._ground.neighbours(stance):
-                told = f" {100 * odds[neighbour.face]:.0f} %" if neighbour.face in odds else ""
-                shown.append((neighbour.corners_m, GREY, 0.3, neighbour.face + told))
+                shown.append((neighbour.corners_m, GREY, 0.3, neighbour.face + tried.get(neighbour.face, "")))
         for slot, (mesh, label) in enumerate(self._faces):
             mesh.visible = label.visible = slot < len(shown)
             if slot < len(shown):

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from hardware_bridge.recording.bag_reader import BagError, Session, read_session, seconds_of
 from hardware_bridge.recording.bag_types import TOPICS
+from hardware_bridge.recording.session_bag import bag_folder
 from tensegrity_lab.bags.replay import model_of
 from tensegrity_lab.bags.rolls import Outcome, outcomes_of
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
@@ -50,6 +51,15 @@ def bags_of(paths: Sequence[Path]) -> list[Path]:
             raise BagError(f"{path} holds no bag (*.mcap): give a bag, or the folder of a session that the stack ran")
         found += own
     return list(dict.fromkeys(found))
+
+
+def newest() -> Path:
+    """The session or bag that was begun last, of those where they go. Raises BagError: there is none."""
+    folder = bag_folder("")
+    found = [*folder.glob("*.mcap"), *(path.parent for path in folder.glob("*/session.yaml") if any(path.parent.rglob("*.mcap")))]
+    if not found:
+        raise BagError(f"there is no bag in {folder}: give one, or make one with: sixstrut demo")
+    return max(found, key=lambda path: path.stat().st_mtime_ns)
 
 
 def foretold_in(path: Path) -> list[Foretold]:

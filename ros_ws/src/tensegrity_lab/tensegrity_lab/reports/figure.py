@@ -46,6 +46,18 @@ def draw_robot(axes: Any, joints_m: np.ndarray, box_m: np.ndarray) -> None:
     axes.set_zticks([])
 
 
+def _draw_floor(axes: Any, path_m: np.ndarray) -> None:
+    """The floor under the robot, x marked, and where its centre came along; path_m is (n, 3)."""
+    x, y = path_m[-1, :2]
+    lines = np.linspace(-0.15, 0.15, 5)
+    for line in lines:
+        axes.plot([x + line, x + line], [y - 0.15, y + 0.15], [0, 0], color="0.85", lw=0.6, zorder=0)
+        axes.plot([x - 0.15, x + 0.15], [y + line, y + line], [0, 0], color="0.85", lw=0.6, zorder=0)
+    axes.plot(path_m[:, 0], path_m[:, 1], 0.0 * path_m[:, 0], color="black", lw=1.5)
+    axes.quiver(x - 0.15, y - 0.15, 0.0, 0.08, 0.0, 0.0, color="0.3", lw=1.2, arrow_length_ratio=0.3)
+    axes.text(x - 0.05, y - 0.15, 0.0, "x", color="0.3", fontsize="small")
+
+
 def draw_lengths(axes: Any, times_s: Sequence[float], lengths_m: np.ndarray, label: bool = True) -> None:
     """Rest lengths of the six struts over time; lengths_m is (n, 6)."""
     for strut in range(6):
@@ -62,6 +74,7 @@ def roll_picture(result: RollResult, trace: Sequence[Sample], path: Path, title:
     for column, moment in enumerate(np.linspace(0, len(trace) - 1, 4).astype(int)):
         axes = figure.add_subplot(grid[0, column], projection="3d")
         draw_robot(axes, trace[moment].joints_m, trace[moment].box_m)
+        _draw_floor(axes, np.array([sample.joints_m.mean(axis=0) for sample in trace[: moment + 1]]))
         axes.set_title(f"{trace[moment].time_s - trace[0].time_s:.1f} s: {trace[moment].face or 'tipping'}")
     times = [sample.time_s - trace[0].time_s for sample in trace]
     draw_lengths(figure.add_subplot(grid[1, :2]), times, np.array([sample.lengths_m for sample in trace]))

@@ -30,7 +30,7 @@ def head_of(library: Library, study: Study) -> str:
     numbers = f" (numbers {plan.numbers[0]} to {plan.numbers[-1]})" if plan.first else ""
     return (
         f"library {library.name} ({library.hash}): {len(study.primitives)} primitives, {tried} on each of {count} held-out "
-        f"prototypes of seed {plan.seed}{numbers}\nlaw: {plan.law.words}"
+        f"prototypes of seed {plan.seed}{numbers}\noff by {plan.law.brief} (docs: Perturbed prototypes)"
     )
 
 

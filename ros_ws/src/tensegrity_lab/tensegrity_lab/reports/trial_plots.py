@@ -108,7 +108,7 @@ def _colors() -> Colormap:
 
 
 def odds_picture(rows: Sequence[tuple[str, Calibration | None]], path: Path) -> bool:
-    """Predicted odds against the share that succeeded, of up to two (label, calibration); False: none had odds, no picture."""
+    """Predicted probability against the share that succeeded, of up to two (label, calibration); False: nothing was predicted."""
     if all(told is None for _, told in rows):
         return False
     figure = new_figure(5.2, 4.6)
@@ -123,7 +123,7 @@ def odds_picture(rows: Sequence[tuple[str, Calibration | None]], path: Path) -> 
         _intervals(axes, places, rates)
     axes.set_xlim(0, 102)
     axes.set_ylim(0, 102)
-    axes.set_xlabel("predicted odds of success, mean of a range (%)")
+    axes.set_xlabel("predicted probability of success, mean of a range (%)")
     axes.set_ylabel("trials that succeeded (%)")
     axes.legend(loc="upper left", frameon=False)
     figure.savefig(path, dpi=100)

@@ -132,7 +132,7 @@ class Report:
         yield html.heading("Prediction and outcome")
         yield self._agreement()
         if odds is not None:
-            yield html.picture(odds, "predicted odds against the share of successes")
+            yield html.picture(odds, "predicted probability against the share of successes")
         yield html.heading("Primitives")
         for letter, group in zip("ab", self.groups, strict=False):
             rows = [(name, rate.successes, rate.trials, shown(rate)) for name, rate in zip(group.names, group.rates, strict=True)]
@@ -219,9 +219,9 @@ class Report:
                 "" if odds is None else f"{100 * odds.expected:.1f} % expected, {100 * odds.observed:.1f} % came; {odds.brier:.4f}"
             )
             rows.append((f"({letter}) {group.label}", *told, _percent(told.precision), _percent(told.agreement), score))
-        return html.table((*head, "precision", "agreement", "odds; Brier score"), rows) + html.paragraph(
+        return html.table((*head, "precision", "agreement", "predicted probability; Brier score"), rows) + html.paragraph(
             "Predicted: the nominal model says that the gait is feasible. Odds: of the robustness study on perturbed prototypes. "
-            "The Brier score is the mean squared difference of odds and outcome; 0.25 is a coin's.",
+            "The Brier score is the mean squared difference of predicted probability and outcome; 0.25 is a coin's.",
             "note",
         )
 
@@ -259,7 +259,7 @@ def _trial_table(told: Told) -> str:
         )
         for line in told.lines
     ]
-    return html.table(("", "gait", "odds", "outcome", "faces", "why", "replay"), rows, codes=(6,))
+    return html.table(("", "gait", "predicted", "outcome", "faces", "why", "replay"), rows, codes=(6,))
 
 
 def summary_of(report: Report) -> str:

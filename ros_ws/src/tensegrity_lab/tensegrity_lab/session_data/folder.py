@@ -14,6 +14,7 @@ from typing import Any
 
 import yaml
 
+from hardware_bridge.recording.session_bag import bag_folder
 from sim_core.errors import FileError, brief
 from sim_core.files.bounded_reader import read_text
 from sim_core.files.yaml_reader import read_yaml
@@ -91,15 +92,32 @@ def begin_session(path: Path, settings: Settings, plan: list[Slot], library: Lib
         SessionError: the folder holds something else. OSError.
     """
     path.mkdir(parents=True, exist_ok=True)
-    others = sorted(p.name for p in path.iterdir() if p.name not in (PLAN, LIBRARY, LOCK, SETTINGS + ".new"))
-    if others:
-        raise SessionError(f"{path} holds {others[0]} and no session: give another folder, or one that does not exist yet")
+    require_free(path)
     write_durably(path / LIBRARY, library_text(library))
     write_durably(path / PLAN, plan_text(plan))
     write_durably(path / (SETTINGS + ".new"), yaml.safe_dump({"schema": SCHEMA, **asdict(settings)}, sort_keys=False))
     (path / (SETTINGS + ".new")).replace(path / SETTINGS)
     sync_folder(path)
     return SessionFolder(path, settings, plan, library)
+
+
+def require_free(path: Path) -> None:
+    """Raises SessionError: the folder holds something that is no session's. It need not exist."""
+    if path.exists() and not path.is_dir():
+        raise SessionError(f"{path} is a file: give a folder, or a name that does not exist yet")
+    here = path.iterdir() if path.exists() else ()
+    others = sorted(p.name for p in here if p.name not in (PLAN, LIBRARY, LOCK, SETTINGS + ".new"))
+    if others:
+        raise SessionError(f"{path} holds {others[0]} and no session: give another folder, or one that does not exist yet")
+
+
+def newest_session(bags: Path | None = None) -> Path:
+    """The session that was begun last, of those where sessions go. Raises SessionError: there is none."""
+    folder = bag_folder("") if bags is None else bags
+    found = [(path.stat().st_mtime_ns, path.parent) for path in folder.glob(f"*/{SETTINGS}")]
+    if not found:
+        raise SessionError(f"there is no session in {folder}: give one's folder, or make one with: sixstrut trial --virtual")
+    return max(found)[1]
 
 
 def open_session(path: Path) -> SessionFolder:

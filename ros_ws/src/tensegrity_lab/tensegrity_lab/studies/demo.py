@@ -182,14 +182,14 @@ class _Demo:
         if self.bag is None or not self.bag.exists():
             show("no bag was recorded" if self.bag is None else f"the bag {self.bag} is missing")
             return
-        show(f"bag: {_short(self.bag)}")
+        show(f"bag: {self.bag.resolve()}")
         session = read_session(self.bag, topics=TOPICS)
         if not any(True for _ in session.of("bridge/struts_sent")):
             return
         result = replay(session)
         picture = self.bag.with_suffix(".png")
         session_picture(session, result, picture)
-        show(f"picture: {_short(picture)}")
+        show(f"picture: {picture.resolve()}")
         show(f"replay it: ./sixstrut replay {_short(self.bag)}   (twin's final state {result.digest[:16]}…)")
 
 

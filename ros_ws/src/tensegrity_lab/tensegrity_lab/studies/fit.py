@@ -22,6 +22,7 @@ from tensegrity_lab.studies.fit_demonstration import Setting, demonstrate, half_
 from tensegrity_lab.studies.fit_page import page_of
 from tensegrity_lab.studies.fit_trials import Tries
 from tensegrity_lab.terminal.compile_notice import compile_first
+from tensegrity_lab.terminal.forecast import say_forecast
 from tensegrity_lab.terminal.progress import bars
 
 VIRTUAL = "These are virtual trials: the robot shares the model's equations, so this says nothing of a real one."
@@ -54,11 +55,29 @@ def prior_of(words: str) -> Prior:
     return Prior(**given)
 
 
-def fitted(model: Model, tries: Tries, asked: Asked) -> Fit:
-    """Fit an ensemble, with progress on standard error. Raises what `fit` raises."""
+def fitted(model: Model, tries: Tries, asked: Asked, with_odds: bool = False) -> Fit:
+    """Fit an ensemble, with forecast and progress on standard error. Raises what `fit` raises.
+
+    Args:
+        with_odds: how likely every gait is will be computed after it: part of the forecast.
+    """
     compile_first(Stage.BATCH)
-    with bars("rolls") as bar:
-        return fit(model, tries.seen, asked.prior, asked.members, asked.seed, asked.lapse, asked.rounds, bar("ensemble"))
+    rounds = 1 + asked.rounds
+    each = asked.members * (len({one.roll for one in tries.seen if one.placed}) + sum(not one.placed for one in tries.seen))
+    what = f"fitting {asked.members} robots to {len(tries.seen)} trials, in {rounds} round(s) at most"
+    later = len(gaits_of(tries.library.primitives)) * MEMBERS if with_odds else 0
+    say_forecast(what + (", then how likely each gait is" if later else ""), rounds * each + later, model)
+    with bars("rolls", "nothing was written; the same command gives the same result later") as bar:
+        return fit(
+            model,
+            tries.seen,
+            asked.prior,
+            asked.members,
+            asked.seed,
+            asked.lapse,
+            asked.rounds,
+            lambda number: bar(f"round {number} of at most {rounds}"),
+        )
 
 
 def write_ensemble(path: Path, model: Model, tries: Tries, found: Fit) -> None:
@@ -90,8 +109,8 @@ def write_odds(path: Path, model: Model, tries: Tries, found: Fit | None, asked:
         how = f"odds of library {tries.library.name} as shipped, and {source}"
     else:
         gaits = gaits_of(tries.library.primitives)
-        with bars("rolls") as bar:
-            known = fitted_prior(model, found, tries.seen, gaits, MEMBERS, bar("odds of every gait"))
+        with bars("rolls", f"{path} was not written; what is said to be written above is") as bar:
+            known = fitted_prior(model, found, tries.seen, gaits, MEMBERS, bar("how likely each gait is"))
         how = f"an ensemble fitted to, and gait by gait, {source}"
 
         def prior(gait: Any) -> float:
@@ -159,7 +178,7 @@ def demonstrated(model: Model, asked: Asked, robots: int, primitives: int, searc
         lapse=asked.lapse,
         prior=asked.prior,
     )
-    with bars("rolls") as bar:
+    with bars("rolls", "nothing was written; the demonstration begins anew") as bar:
         shown = demonstrate(model, load_library(library), setting, bar)
     text = page_of(shown, model.hash)
     path.write_text(text, encoding="utf-8")

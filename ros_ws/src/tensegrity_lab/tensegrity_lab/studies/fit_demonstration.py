@@ -164,7 +164,7 @@ def _case(
         setting.seed,
         setting.lapse,
         rounds=setting.rounds,
-        report=report,
+        report_of=lambda number: report,
         first_wins=first[:, tried],
     )
     prior_odds = fitted_prior(model, found, seen, gaits, PREDICTING, report)

@@ -45,9 +45,10 @@ def _floor(axes: Any, trips: Sequence[Trip]) -> None:
         if len(places):
             axes.plot(*places[-1], "o" if trip.success else "X", color=color, ms=6)
     axes.plot(0.0, 0.0, "s", color="black", ms=6)
-    for label, mark, color in (
-        ("start", "s", "black"), ("goal", "*", GREEN), ("arrived", "o", BLUE), ("gave up", "X", ORANGE),
-    ):  # fmt: skip
+    marks = [("start", "s", "black"), ("goal", "*", GREEN)]
+    marks += [("arrived", "o", BLUE)] * any(trip.success for trip in trips)
+    marks += [("gave up", "X", ORANGE)] * any(not trip.success for trip in trips)
+    for label, mark, color in marks:
         axes.plot([], [], mark, color=color, label=label)
     axes.set_aspect("equal", adjustable="datalim")
     axes.margins(0.1)

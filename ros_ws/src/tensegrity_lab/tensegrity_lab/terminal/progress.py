@@ -4,15 +4,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
+
+from tensegrity_lab.terminal.leaving import leaves_at_once
 
 Reporter = Callable[[str], Callable[[int, int], None]]
 """A title -> a function that is told (done, total)."""
 
 
 @contextmanager
-def bars(unit: str) -> Iterator[Reporter]:
-    """Bars on standard error, one for each title; `unit` names what is counted, e.g. "rolls"."""
+def bars(unit: str, kept: str = "") -> Iterator[Reporter]:
+    """Bars on standard error, one for each title.
+
+    Args:
+        unit: what is counted, e.g. "rolls". kept: see `leaves_at_once`; empty: Ctrl-C is an exception, as ever.
+    """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
     from rich.text import Text
@@ -33,7 +39,8 @@ def bars(unit: str) -> Iterator[Reporter]:
         TextColumn("left"),
         TimeRemainingColumn(),
     )
-    with Progress(*columns, console=Console(stderr=True), speed_estimate_period=120.0) as progress:
+    leaving = leaves_at_once(kept) if kept else nullcontext()
+    with leaving, Progress(*columns, console=Console(stderr=True), speed_estimate_period=120.0) as progress:
 
         def bar(title: str) -> Callable[[int, int], None]:
             task = progress.add_task(title, total=1)

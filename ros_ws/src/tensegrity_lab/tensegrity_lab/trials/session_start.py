@@ -17,10 +17,11 @@ from typing import Any
 from rich.console import Console
 
 from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.prototype_client.handshake import read_handshake
 from sim_core.dynamics.actuators import require_actuators
 from sim_core.dynamics.model import build_model
-from sim_core.gaits.library import load_library
+from sim_core.gaits.library import Library, load_library
 from sim_core.gaits.success_probability import load_odds
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage
@@ -34,10 +35,11 @@ from tensegrity_lab.session_data.folder import (
     is_session,
     locked,
     open_session,
+    require_free,
     require_same,
 )
 from tensegrity_lab.session_data.ledger import Ledger
-from tensegrity_lab.session_data.plan import chosen_gaits, chosen_primitives, due_of, make_plan
+from tensegrity_lab.session_data.plan import Slot, chosen_gaits, chosen_primitives, due_of, make_plan
 from tensegrity_lab.session_data.record import Outcome
 from tensegrity_lab.stack.processes import Uninterrupted
 from tensegrity_lab.stack.ros_domain import Domain, private_domain, robot_domain
@@ -92,12 +94,15 @@ def run(asked: Asked) -> int:
     """Begin a session, or go on with it. Returns 0: all is done; 130: left before. Raises SessionError, StackError."""
     console = Console(highlight=False, soft_wrap=True)
     parse_board(asked.board)
+    if asked.calibration:
+        load_calibration(asked.calibration)
     path = asked.session or _new_path(asked)
-    path.mkdir(parents=True, exist_ok=True)
+    begun = None if is_session(path) else _planned(asked, path, console)
+    path.mkdir(parents=True, exist_ok=True)  # not before the plan is valid
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, _interrupt)
     with locked(path, console.print) as lock:
-        folder = _open(asked, path, console)
+        folder = _open(asked, path) if begun is None or is_session(path) else begin_session(path, *begun)
         ledger = Ledger(path)
         pace, forecast = _forecast(asked, folder, ledger)
         _show_plan(console, folder, ledger, pace, forecast)
@@ -113,25 +118,30 @@ def _new_path(asked: Asked) -> Path:
     return bag_folder("") / f"trials_{name}_{time.strftime('%Y%m%d_%H%M%S', time.gmtime())}"
 
 
-def _open(asked: Asked, path: Path, console: Console) -> SessionFolder:
-    given = {name: value for name, value in asked.plan.items() if value is not None}
-    if is_session(path):
-        folder = open_session(path)
-        settings = folder.settings
-        if "library" in given:
-            require_same(settings, {"library_hash": load_library(given.pop("library")).hash})
-        require_same(settings, given)
-        if not (asked.virtual or asked.port or asked.plan_only) or asked.virtual_robot != settings.virtual_robot:
-            wanted = "--virtual" if settings.virtual_robot else "--port PORT --calibration FILE"
-            if asked.virtual or asked.port or not settings.virtual_robot:
-                raise SessionError(f"session {settings.name} is of robot {settings.robot!r}: go on with {wanted}")
-        return folder
+def _given(asked: Asked) -> dict[str, Any]:
+    return {name: value for name, value in asked.plan.items() if value is not None}
+
+
+def _open(asked: Asked, path: Path) -> SessionFolder:
+    """A session that was begun, if it is the one that is asked for. Raises SessionError."""
+    given, folder = _given(asked), open_session(path)
+    settings = folder.settings
+    if "library" in given:
+        require_same(settings, {"library_hash": load_library(given.pop("library")).hash})
+    require_same(settings, given)
+    if not (asked.virtual or asked.port or asked.plan_only) or asked.virtual_robot != settings.virtual_robot:
+        wanted = "--virtual" if settings.virtual_robot else "--port PORT --calibration FILE"
+        if asked.virtual or asked.port or not settings.virtual_robot:
+            raise SessionError(f"session {settings.name} is of robot {settings.robot!r}: go on with {wanted}")
+    return folder
+
+
+def _planned(asked: Asked, path: Path, console: Console) -> tuple[Settings, list[Slot], Library]:
+    """What a new session is to be; nothing is written. Raises SessionError, SimError."""
     if not (asked.virtual or asked.port):
         raise SessionError(f"{path} is no session yet: to begin one, give --virtual, or --port PORT --calibration FILE")
-    return _begin(asked, given, path, console)
-
-
-def _begin(asked: Asked, given: dict[str, Any], path: Path, console: Console) -> SessionFolder:
+    require_free(path)
+    given = _given(asked)
     chosen = {**DEFAULTS, "order_seed": random.SystemRandom().randrange(1_000_000), **given}
     virtual = asked.virtual_robot
     if asked.virtual:
@@ -146,6 +156,8 @@ def _begin(asked: Asked, given: dict[str, Any], path: Path, console: Console) ->
         if wrong:
             raise SessionError(f"--{wrong[0]} is of a virtual prototype that the session starts: give --virtual and no --port")
         chosen.setdefault("robot", "virtual prototype at a port" if virtual else "prototype")
+    if not (asked.plan_only or (virtual and not asked.by_hand)):
+        require_keyboard()
     library = load_library(chosen.pop("library"))
     gaits = chosen_gaits(chosen_primitives(library, chosen["primitives"]), chosen["gaits"])
     compile_first(Stage.BATCH)
@@ -162,7 +174,7 @@ def _begin(asked: Asked, given: dict[str, Any], path: Path, console: Console) ->
         virtual_robot=virtual,
         **chosen,
     )
-    return begin_session(path, settings, plan, library)
+    return settings, plan, library
 
 
 def _forecast(asked: Asked, folder: SessionFolder, ledger: Ledger) -> tuple[Pace, Estimate]:
@@ -196,7 +208,7 @@ def _show_plan(console: Console, folder: SessionFolder, ledger: Ledger, pace: Pa
         show(f"  pace        struts may run 20 % of the time; the busiest runs {busy} of robot time; {places} placings elsewhere")
     else:
         show("  to go       nothing: the session is complete")
-    show(f"  folder      {_short(folder.path)}")
+    show(f"  folder      {folder.path.resolve()}")
     show("")
 
 

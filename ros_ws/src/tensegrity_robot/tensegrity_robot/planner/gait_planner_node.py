@@ -64,7 +64,9 @@ class PlannerParameters:
     """Parameters of the planner; the descriptions are what `ros2 param describe` shows."""
 
     library: str = parameter("robust", "gait library: a shipped name, or the path of a YAML file")
-    odds_file: str = parameter("", "YAML of the gaits' odds, from `sixstrut robustness --odds`; empty: the library's shipped ones")
+    odds_file: str = parameter(
+        "", "YAML of how often each gait worked, from `sixstrut robustness --odds`; empty: the library's shipped ones"
+    )
     prototype: str = parameter("", "arm only the bridge of this virtual prototype, see bridge/state; empty: any robot")
     prototype_file: str = parameter("", "YAML of the robot's numbers; empty: the nominal prototype")
     confirm: str = parameter(

@@ -10,10 +10,13 @@ from typing import Annotated, Any
 import typer
 
 from sixstrut_cli.options import PrototypeOption, in_folder
+from sixstrut_cli.outputs import output_of
 
 
 def command(
-    output: Annotated[Path, typer.Option("--output", "-o", help="Prototype YAML to write.")] = Path("prototype.yaml"),
+    output: Annotated[
+        Path, typer.Option("--output", "-o", help="Prototype YAML to write.", callback=output_of("prototype"))
+    ] = Path("prototype.yaml"),
     frequency: Annotated[
         float | None,
         typer.Option(help="First natural frequency at rest on TC6, in Hz; default: first_frequency_hz.", show_default=False),

@@ -10,13 +10,16 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, in_folder
+from sixstrut_cli.options import JsonOption, announce, in_folder
+from sixstrut_cli.outputs import output_of
 
 
 def command(
     library: Annotated[str, typer.Argument(metavar="LIBRARY", help="A shipped library's name, or a YAML file.")] = "robust",
     actuators: Annotated[str, typer.Option(help="ideal, stand-in (they feel their load), or a YAML file.")] = "stand-in",
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="YAML file to write as well.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="YAML file to write as well.", callback=output_of("climb limits"))
+    ] = None,
     as_json: JsonOption = False,
 ) -> None:
     """Print the steepest ground that each primitive climbs: the nominal robot, straight uphill, from rest to rest.
@@ -27,6 +30,7 @@ def command(
     sixstrut climb improved --actuators ideal
     sixstrut climb my_library.yaml --json
     """
+    announce(f"library {library}: every primitive uphill, some seconds each; Ctrl-C leaves at any time")
     from rich.console import Console
 
     from sim_core.dynamics.actuators import require_actuators
@@ -35,11 +39,12 @@ def command(
     from sim_core.rolling.warm_up import Stage
     from tensegrity_lab.studies.climb import climbs_of
     from tensegrity_lab.terminal.compile_notice import compile_first
+    from tensegrity_lab.terminal.leaving import leaves_at_once
 
     shelf, parameters = load_library(library), require_actuators(actuators)
     compile_first(Stage.ROBOT)
     console = Console(stderr=True, highlight=False)
-    with console.status("climbing") as status:
+    with leaves_at_once("nothing was written"), console.status("climbing") as status:
         found = climbs_of(shelf, parameters, actuators, lambda name: status.update(f"climbing: {name} of {len(shelf.primitives)}"))
     if output is not None:
         in_folder(output).write_text(climbs_text(found), encoding="utf-8")

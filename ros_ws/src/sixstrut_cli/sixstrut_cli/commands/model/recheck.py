@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption
+from sixstrut_cli.options import JsonOption, PrototypeOption, announce
 from tensegrity_lab.bags.rolls import Outcome, outcomes_of
 
 
@@ -34,6 +34,7 @@ def command(
     sixstrut recheck gaits.yaml --bag bags/monday.mcap --bag bags/tuesday.mcap
     sixstrut recheck library.yaml --every-gait --perturbation 0.1
     """
+    announce(f"rolling the gaits of {gaits} by both models; Ctrl-C leaves at any time")
     from sim_core.dynamics.model import build_model
     from sim_core.rolling.warm_up import Stage
     from sim_core.structure.elements import PREVIOUS

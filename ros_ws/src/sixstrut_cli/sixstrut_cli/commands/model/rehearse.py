@@ -32,11 +32,11 @@ def command(
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Roll an ensemble of perturbed robots and tell the odds and where it may end.
+    """Roll an ensemble of perturbed robots and tell how often it worked and where it may end.
 
     sixstrut rehearse --from TC6
     sixstrut rehearse --from TO5 --to TC6 --primitive P21 --scale 0.2 --incline 3
-    sixstrut rehearse --from TC6 --ensemble ours.yaml
+    sixstrut rehearse --from TC6 --ensemble my_ensemble.yaml
     """
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import gait_of, load_library
@@ -45,6 +45,7 @@ def command(
     from sim_core.rolling.warm_up import Stage
     from sim_core.structure.parameters import load_prototype
     from sim_core.structure.topology import NEIGHBOURS, require_adjacent, require_face
+    from sim_core.studies.binomial_intervals import counted
     from sim_core.studies.rehearsal import Ensemble
     from sim_core.uncertainty.distribution import Law
     from sim_core.uncertainty.ensemble import load_posterior
@@ -75,9 +76,8 @@ def command(
     for r in rehearsed:
         ends = ", ".join(f"{face} {count}" for face, count in r.outcomes.items())
         mirror = "" if r.gait.proper else " (mirror)"
-        odds = f"{r.rate.successes} of {r.rate.trials} ({100 * r.rate.low:.0f} to {100 * r.rate.high:.0f} %)"
-        typer.echo(f"{r.gait.name}{mirror}: {odds}; ends on {ends}")
+        typer.echo(f"{r.gait.name}{mirror}: {counted(r.rate.successes, r.rate.trials)}; ends on {ends}")
         for reason, count in list(r.reasons.items())[:3]:
             typer.echo(f"    {count}: {reason}")
-    typer.echo(f"{len(gaits)} gaits on {members} robots ({robots.law.words}) in {seconds:.2f} s.")
+    typer.echo(f"{len(gaits)} gaits on {members} robots ({robots.law.brief}) in {seconds:.2f} s.")
     typer.echo("Virtual: these robots share the twin's equations.")

@@ -11,6 +11,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli.options import JsonOption, PrototypeOption, in_folder, output_folder, results_page
+from sixstrut_cli.outputs import COUNTS, output_of, picture_path
 
 QUICK_PROTOTYPES, QUICK_FAILURES, QUICK_PRIMITIVES = 2, 20, 3
 
@@ -37,14 +38,22 @@ def command(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG, like the paper's Figure 8. [default: out/robustness/LIBRARY.png; none with --json]", show_default=False
+            help="PNG, like the paper's Figure 8. [default: out/robustness/LIBRARY.png; none with --json]",
+            show_default=False,
+            callback=picture_path,
         ),
     ] = None,
     tables: Annotated[
         Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.", show_default=False)
     ] = None,
     odds: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write every gait's odds here, for the planner.", show_default=False)
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write how often every gait worked, for the planner.",
+            show_default=False,
+            callback=output_of(COUNTS),
+        ),
     ] = None,
     cost: Annotated[bool, typer.Option("--cost", help="Also measure and print what a million prototypes cost.")] = False,
     page: Annotated[bool, typer.Option("--page", help="With --cost: put the table into docs/results/scaling.md.")] = False,
@@ -65,6 +74,7 @@ def command(
         raise typer.BadParameter("the page holds what a study costs: give --cost as well", param_hint="--page")
     cost_page = results_page("scaling.md") if page else None
 
+    from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import load_library
     from sim_core.gaits.success_probability import odds_text
     from sim_core.structure.parameters import load_prototype
@@ -77,6 +87,7 @@ def command(
     from tensegrity_lab.reports.robustness_report import document_of, head_of, text_of, write_tables
     from tensegrity_lab.reports.study_cost import document_of as cost_document
     from tensegrity_lab.reports.study_cost import figures_of, table_of, write_into
+    from tensegrity_lab.terminal.forecast import say_forecast
     from tensegrity_lab.terminal.progress import bars
 
     robot, shelf = load_prototype(prototype), load_library(library)
@@ -90,7 +101,9 @@ def command(
         primitives = tuple(p for rows in classes.values() for p in rows[:QUICK_PRIMITIVES])
     if scheduler is None:
         compile_kernels(robot)  # not counted as work
-    with runner_of(scheduler) as run, bars("rolls") as bar:
+        rolls = len(primitives) * 24 * plan.prototypes
+        say_forecast(f"{len(primitives)} primitives × 24 gaits × {plan.prototypes} prototypes", rolls, build_model(robot))
+    with runner_of(scheduler) as run, bars("rolls", "nothing was written; --first and --prototypes do a study in slices") as bar:
         began = perf_counter()
         found = study(robot, primitives, plan, run, bar("trials"))
         wall_s = perf_counter() - began

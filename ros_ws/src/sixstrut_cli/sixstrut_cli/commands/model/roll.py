@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli.options import JsonOption, LibraryOption, PrototypeOption, in_folder
+from sixstrut_cli.outputs import picture_path
 
 
 def command(
@@ -27,7 +28,9 @@ def command(
     kind: Annotated[str, typer.Option("--model", help="improved, or previous: the paper's two models.")] = "improved",
     perturbation: Annotated[float, typer.Option(help="Scale of a perturbed prototype, 0.05 for ±5 %.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Which perturbed prototype.")] = 1,
-    picture: Annotated[Path | None, typer.Option(help="Write a PNG of the roll here.", show_default=False)] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Write a PNG of the roll here.", show_default=False, callback=picture_path)
+    ] = None,
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
 ) -> None:

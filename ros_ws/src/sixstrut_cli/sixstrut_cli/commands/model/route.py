@@ -4,20 +4,25 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sixstrut_cli.options import JsonOption, LibraryOption, place_of
 
+if TYPE_CHECKING:
+    from sim_core.gaits.success_probability import Odds
+
 
 def command(
     source: Annotated[str, typer.Argument(metavar="FROM", help="Face the robot stands on.")],
-    target: Annotated[str, typer.Argument(metavar="TO", help="Face to reach, or a place on the floor in m: 1.0,0.3")],
+    target: Annotated[list[str], typer.Argument(metavar="TO", help="Face to reach, or a place on the floor in m: 1.0,-0.3")],
     library: LibraryOption = "robust",
     odds: Annotated[
-        Path | None, typer.Option(help="Odds of the gaits, from `sixstrut robustness --odds`.", show_default="the shipped ones")
+        Path | None,
+        typer.Option(help="How often each gait worked, from `sixstrut robustness --odds`.", show_default="the shipped ones"),
     ] = None,
     reach: Annotated[float, typer.Option(min=0.01, help="How near to a place is near enough, in m.")] = 0.08,
     as_json: JsonOption = False,
@@ -27,17 +32,18 @@ def command(
     To a place, the way begins at the origin of the floor, in the attitude in which `sixstrut roll` begins.
 
     sixstrut route TC6 TC1
-    sixstrut route TC6 1.0,0.3
+    sixstrut route TC6 -1.0,0.3
     sixstrut route TO5 TO12 --library my_library.yaml --odds my_odds.yaml --json
     """
     from sim_core.gaits.library import load_library
     from sim_core.gaits.success_probability import load_odds
     from sim_core.planning.face_graph import FaceGraph
+    from sim_core.studies.binomial_intervals import counted
 
     shelf = load_library(library)
     known = load_odds(shelf, odds)
     graph = FaceGraph(shelf, known)
-    if "," in target:
+    if len(target) > 1 or "," in target[0]:
         from sim_core.dynamics.model import build_model
         from sim_core.planning.floor_planner import Floor, Stance
         from sim_core.rolling.warm_up import Stage
@@ -52,7 +58,7 @@ def command(
         places = [(stance.x_m, stance.y_m) for stance in way.stances[1:]]
         end = f"; ends {100 * way.left_m:.0f} cm from the place" + ("" if way.reaches else ": no nearer way was found")
     else:
-        route = graph.route(source, target)
+        route = graph.route(source, target[0])
         faces, odds_of_all, choices, places, end = route.faces, route.odds, route.choices, [], ""
     if as_json:
         rolls = [
@@ -72,6 +78,18 @@ def command(
         gait = choice.gait
         where = f", to {places[number][0]:+.2f} {places[number][1]:+.2f} m" if places else ""
         mirror = "" if gait.proper else " (mirror)"
-        typer.echo(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm, odds {100 * choice.odds:.1f} %{where}")
-    basis = known.how if known else "success in training, one rate for a primitive's 24 gaits"
-    typer.echo(f"{' → '.join(faces)}: {len(choices)} rolls, odds {100 * odds_of_all:.1f} % ({basis}){end}")
+        tries = known.tries(gait) if known else None
+        likely = counted(*tries) if tries else f"probability {100 * choice.odds:.0f} %"
+        typer.echo(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm; {likely}{where}")
+    typer.echo(f"{' → '.join(faces)}: {len(choices)} rolls, all of them work with a probability of {100 * odds_of_all:.0f} %{end}")
+    typer.echo(f"known from: {_basis(known)}")
+
+
+def _basis(known: Odds | None) -> str:
+    """Where the probabilities come from, in a few words."""
+    if known is None:
+        return "success in training, one rate for a primitive's 24 gaits"
+    scale = re.match(r"uniform at scale s = ([\d.]+)", known.how)
+    if scale is None:
+        return known.how
+    return f"{known.trials} virtual prototypes off by ±{100 * float(scale[1]):g} % (docs: Perturbed prototypes)"

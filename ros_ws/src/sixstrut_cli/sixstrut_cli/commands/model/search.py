@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from sixstrut_cli.options import JsonOption, PrototypeOption, output_folder
+from sixstrut_cli.outputs import picture_path, require_output
 
 if TYPE_CHECKING:
     from sim_core.search.genetic_search import Search
@@ -50,18 +51,21 @@ def command(
     scheduler: Annotated[
         str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler; default: this machine's cores.", show_default=False)
     ] = None,
-    picture: Annotated[Path | None, typer.Option(help="PNG; default: beside the library.", show_default=False)] = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="PNG; default: beside the library.", show_default=False, callback=picture_path)
+    ] = None,
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Find primitives of both classes with a genetic algorithm; the shipped libraries are made by their plans' names.
 
     improved: feasible with the improved model. previous: with the paper's previous model. robust: improved, and those that work
-    best on perturbed prototypes and inclined ground. Ctrl-C stops it after the generation; the same command goes on from there.
+    best on perturbed prototypes and inclined ground. Ctrl-C stops it; the same command goes on after the last
+    finished generation.
 
     sixstrut search
     sixstrut search robust -o my_library.yaml --seed 7
-    sixstrut search robust --ensemble ours.yaml -o for_ours.yaml
+    sixstrut search robust --ensemble my_ensemble.yaml -o my_library.yaml
     sixstrut search --active 3 --class TO5-TC6 --keep 5 -o three_struts.yaml
     """
     from sim_core.gaits.library import library_text
@@ -72,8 +76,10 @@ def command(
     from sim_core.studies.dask_runner import runner_of
     from tensegrity_lab.reports.library_plot import library_picture
     from tensegrity_lab.terminal.compile_notice import compile_first
+    from tensegrity_lab.terminal.leaving import leaves_at_once
 
     path = output or output_folder("search") / f"{plan_name.value}.yaml"
+    require_output(path, "primitive library")
     changes: dict[str, Any] = {"seed": seed, "keep": keep, "active": active}
     changes |= {"apart_mm": apart} if apart else {}
     changes |= {"generations": generations} if generations else {}
@@ -95,12 +101,12 @@ def command(
     state = None if fresh else _read(stopped)
     with runner_of(scheduler) as runner:
         search = Search(robot, plan, runner, state)
+        most = f"{plan.generations} generations at most"
+        typer.echo(f"searching {plan.keep} primitives of each class, {most}; Ctrl-C leaves, the same command goes on", err=True)
         if state is not None:
             typer.echo(f"going on after generation {search.generation} of {stopped} (--fresh begins anew)", err=True)
-        whole = _run(search, stopped)
-        if not whole:
-            typer.echo(f"stopped after generation {search.generation}; the same command goes on from {stopped}", err=True)
-            raise typer.Exit(130)
+        with leaves_at_once(f"every finished generation is kept in {stopped}; the same command goes on from there"):
+            _run(search, stopped)
         library = search.library()
     path.write_text(library_text(library), encoding="utf-8")
     stopped.unlink(missing_ok=True)
@@ -147,8 +153,8 @@ def _read(path: Path) -> Mapping[str, Any] | None:
     return state
 
 
-def _run(search: Search, keep: Path) -> bool:
-    """Search to the end, keeping the state after each generation; False if it was interrupted."""
+def _run(search: Search, keep: Path) -> None:
+    """Search to the end, keeping the state after each generation."""
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
@@ -158,21 +164,17 @@ def _run(search: Search, keep: Path) -> bool:
     )  # fmt: skip
     with Progress(*columns, console=Console(stderr=True)) as bars:
         task = bars.add_task("generation 0", total=1.0, found="", speed="")
-        try:
-            while not search.done:
-                search.step()
-                _keep(search, keep)
-                now = search.progress
-                seconds = bars.tasks[0].elapsed or 1e-9
-                found = ", ".join(f"{name} {now.found[name]}/{now.wanted} (best {now.best[name]:.2f})" for name in now.found)
-                rolls = now.rolled + now.trained
-                bars.update(
-                    task, completed=now.finished, description=f"generation {now.generation}", found=found,
-                    speed=f"{rolls} rolls, {rolls / seconds:.0f}/s",
-                )  # fmt: skip
-        except KeyboardInterrupt:
-            return False
-    return True
+        while not search.done:
+            search.step()
+            _keep(search, keep)
+            now = search.progress
+            seconds = bars.tasks[0].elapsed or 1e-9
+            found = ", ".join(f"{name} {now.found[name]}/{now.wanted} (best {now.best[name]:.2f})" for name in now.found)
+            rolls = now.rolled + now.trained
+            bars.update(
+                task, completed=now.finished, description=f"generation {now.generation}", found=found,
+                speed=f"{rolls} rolls, {rolls / seconds:.0f}/s",
+            )  # fmt: skip
 
 
 def _keep(search: Search, path: Path) -> None:

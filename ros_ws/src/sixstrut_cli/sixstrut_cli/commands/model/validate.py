@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, OutputOption, PageOption, PrototypeOption, output_folder, results_page
+from sixstrut_cli.options import JsonOption, OutputOption, PageOption, PrototypeOption, announce, output_folder, results_page
 
 if TYPE_CHECKING:
     from sim_core.validation import Case
@@ -44,6 +44,7 @@ def command(
     from sim_core.structure.parameters import load_prototype
     from sim_core.validation import CASES, Setting
     from tensegrity_lab.reports.validation_page import write_page
+    from tensegrity_lab.terminal.leaving import leaves_at_once
 
     chosen = [name for name in CASES if only is None or only in name or fnmatch(name, only)]
     if not chosen:
@@ -55,11 +56,13 @@ def command(
     path = results_page(PAGE) if page else output_folder("validate", output) / PAGE
     setting = Setting(load_prototype(prototype))
     model = build_model(setting.prototype)
+    announce(f"{len(chosen)} cases; all of them take a minute or two; Ctrl-C leaves at any time")
     results: dict[str, Case] = {}
     seconds: dict[str, float] = {}
     console = Console(stderr=True)
     columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn())
-    with Progress(*columns, console=console, transient=True, disable=as_json) as bar:
+    progress = Progress(*columns, console=console, transient=True, disable=as_json)
+    with leaves_at_once("nothing was written"), progress as bar:
         task = bar.add_task("", total=len(chosen))
         for name in chosen:
             bar.update(task, description=name)

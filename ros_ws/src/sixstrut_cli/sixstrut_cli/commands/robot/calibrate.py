@@ -12,10 +12,11 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli.options import BoardOption
+from sixstrut_cli.outputs import output_of
 
 
 def command(
-    file: Annotated[Path, typer.Argument(help="The YAML to write.")] = Path("calibration.yaml"),
+    file: Annotated[Path, typer.Argument(help="The YAML to write.", callback=output_of("calibration"))] = Path("calibration.yaml"),
     robot: Annotated[
         str, typer.Option(help="The robot's name, by which it is known at any port; default: asked.", show_default=False)
     ] = "",
@@ -54,8 +55,9 @@ def command(
     from hardware_bridge.saved_state.robot_identity import Identity, canonical_link
     from hardware_bridge.saved_state.robot_records import Records
     from hardware_bridge.saved_state.state_file import state_directory
+    from hardware_bridge.virtual_prototype.practice import practice_prototype
     from tensegrity_lab.commissioning.calibration_wizard import Walk, ask_robot, measured_before
-    from tensegrity_lab.commissioning.practice_prototype import Eyes, practice_prototype
+    from tensegrity_lab.commissioning.observed_lengths import Eyes
     from tensegrity_lab.terminal.keys import require_keyboard
 
     require_keyboard()

@@ -43,7 +43,7 @@ def command(
     bags: BagsOption = Path("bags"),
     domain: DomainOption = None,
 ) -> None:
-    """Show twin, robot, odds and dangers in a browser; roll, travel and judge trials by clicks; stop at any time.
+    """Show twin, robot, rehearsals and dangers in a browser; roll, travel and judge trials by clicks; stop at any time.
 
     It joins the stack that runs in this shell's ROS domain (ROS_DOMAIN_ID), or starts one with a virtual prototype. Nothing needs
     the network. It prints the address to open, which holds a secret: whoever has it may command. For the same one at every start,

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 from typing import Annotated
 
 import typer
+
+from sixstrut_cli.options import announce
 
 
 def command(
@@ -21,6 +24,8 @@ def command(
     sixstrut play bags/example.mcap
     sixstrut play bags/example.mcap --rate 4 --no-twin
     """
+    announce(f"reading {bag}" + ("; a twin that follows is started" if twin else ""))
+    from rich.console import Console
     from rich.progress import Progress
 
     from sim_core.rolling.warm_up import Stage
@@ -29,9 +34,18 @@ def command(
 
     if twin:
         compile_first(Stage.ROBOT)
-    with Progress(transient=True) as bar:
+    where = f"ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}, topics bridge/… and twin/…"
+    with Progress(transient=True, console=Console(stderr=True)) as bar:
         task = bar.add_task("playing", total=None)
-        played = play(bag, rate, twin, lambda done_s, total_s: bar.update(task, completed=done_s, total=total_s))
+
+        def told(done_s: float, total_s: float) -> None:
+            if bar.tasks[0].total is None:
+                speed = f"{total_s:.0f} s at {rate:g} times their speed"
+                bar.console.print(f"playing {speed} into {where}", highlight=False, soft_wrap=True)
+                bar.console.print("look with RViz, or sixstrut foxglove; Ctrl-C ends it", highlight=False, soft_wrap=True)
+            bar.update(task, completed=done_s, total=total_s)
+
+        played = play(bag, rate, twin, told)
     typer.echo(f"played {played.messages} messages")
     if played.twin is not None:
         end = played.twin

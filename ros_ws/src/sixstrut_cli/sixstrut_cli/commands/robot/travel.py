@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import os
 import tempfile
 from dataclasses import asdict
 from pathlib import Path
@@ -32,9 +31,12 @@ if TYPE_CHECKING:
 
 
 def command(
-    place: Annotated[str | None, typer.Argument(metavar="X,Y", help="Place on the floor in m; the robot starts at 0,0.")] = None,
+    place: Annotated[
+        list[str] | None, typer.Argument(metavar="X,Y", help="Place on the floor in m; the robot starts at 0,0.")
+    ] = None,
     study: Annotated[
-        int, typer.Option(metavar="N", min=0, help="Instead: N goals at 1 m, on two floors, with odds and without.")
+        int,
+        typer.Option(metavar="N", min=0, help="Instead: N goals at 1 m, on two floors, with what is known of gaits and without."),
     ] = 0,
     reach: Annotated[float, typer.Option(min=0.02, help="How near is near enough, in m.")] = 0.08,
     most_rolls: Annotated[int, typer.Option(min=1, help="Give up after so many rolls.")] = 60,
@@ -63,24 +65,24 @@ def command(
     A study that was stopped goes on with the same command and --output.
 
     sixstrut travel 0.6,0.3
-    sixstrut travel 1.0,-0.5 --incline 3 --seed 7
+    sixstrut travel -1.0,-0.5 --incline 3 --seed 7
     sixstrut travel --study 10 -o bags/travels --page
     """
     from tensegrity_lab.stack.virtual_stack import VirtualRobot
 
     if study and domain is not None:
         raise typer.BadParameter("a study takes a domain of its own for each trip", param_hint="--domain")
-    if (place is None) == (study == 0):
+    if bool(place) == bool(study):
         raise typer.BadParameter("give a place such as 0.6,0.3, or --study N", param_hint="X,Y")
     if page and not study:
         raise typer.BadParameter("only a study makes a page: give --study N as well", param_hint="--page")
     bags = output or (output_folder("travel") if study else Path("bags"))
+    goal_m = place_of(place) if place else (0.0, 0.0)
     robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
     robot.require()
-    if place is None:
+    if not place:
         _study(study, robot, bags, page)
         return
-    goal_m = place_of(place)
     from rich.console import Console
 
     from tensegrity_lab.studies.travel import travel
@@ -101,7 +103,7 @@ def command(
         ratio = f"path {trip.path_m:.2f} m for {trip.straight_m - trip.left_m:.2f} m won"
         typer.echo(f"{trip.rolls} rolls, {trip.missed} missed, {trip.robot_s:.0f} s of robot time; {ratio}")
         for path in (trip.bag, picture):
-            typer.echo(f"wrote {os.path.relpath(path)}")
+            typer.echo(f"wrote {Path(path).resolve()}")
     if not trip.success:
         raise typer.Exit(4)
 

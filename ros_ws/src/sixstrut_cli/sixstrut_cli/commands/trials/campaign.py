@@ -53,8 +53,15 @@ def command(
         folder, names, primitives, gaits, prototypes, seed, perturbation, sample, time_scale, target, tuple(words)
     )  # fmt: skip
     compile_first(Stage.BATCH, *([Stage.ROBOT] if sample else []))
-    with bars("rolls") as bar:
-        done = run(asked, bar, lambda text: typer.echo(text, err=True))
+    shown = [f"libraries {', '.join(names)} on {prototypes} virtual prototype(s)"]
+    shown += [f"then {sample} trials through the whole stack"] * bool(sample)
+    typer.echo(f"{', '.join(shown)}; into {folder}", err=True)
+    try:
+        with bars("rolls") as bar:
+            done = run(asked, bar, lambda text: typer.echo(text, err=True))
+    except KeyboardInterrupt:
+        typer.echo(f"\ninterrupted: the sessions that are finished are kept in {folder}, for report and fit", err=True)
+        raise typer.Exit(130) from None
     for summary in done.summaries:
         typer.echo(summary)
     if done.pairs:

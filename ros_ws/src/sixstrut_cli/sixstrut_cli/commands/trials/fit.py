@@ -9,24 +9,49 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, OutputOption, PageOption, PrototypeOption, in_folder, output_folder, results_page
+from sixstrut_cli.options import (
+    JsonOption,
+    OutputOption,
+    PageOption,
+    PrototypeOption,
+    chosen_sessions,
+    in_folder,
+    output_folder,
+    results_page,
+)
+from sixstrut_cli.outputs import COUNTS, output_of
 
 
 def command(
     trials: Annotated[
-        list[Path] | None, typer.Argument(metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags.", show_default=False)
+        list[Path] | None,
+        typer.Argument(
+            metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags. [default: the newest session]", show_default=False
+        ),
     ] = None,
     ensemble: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Write the fitted ensemble here, for rehearse and search.", show_default=False),
+        typer.Option(
+            metavar="FILE",
+            help="Write the fitted ensemble here, for rehearse and search.",
+            show_default=False,
+            callback=output_of("ensemble"),
+        ),
     ] = None,
     odds: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Write every gait's odds here, for planner and route.", show_default=False)
+        Path | None,
+        typer.Option(
+            metavar="FILE",
+            help="Write how likely every gait is to work, for planner and route.",
+            show_default=False,
+            callback=output_of(COUNTS),
+        ),
     ] = None,
     counts_only: Annotated[
-        bool, typer.Option("--counts-only", help="No ensemble: the shipped odds and each gait's own trials. Takes no time.")
+        bool,
+        typer.Option("--counts-only", help="No ensemble: the shipped success counts and each gait's own trials. Takes no time."),
     ] = False,
-    weight: Annotated[float, typer.Option(min=0.01, help="Trials of a gait that its prior odds are worth.")] = 4.0,
+    weight: Annotated[float, typer.Option(min=0.01, help="Trials of a gait that what was known before is worth.")] = 4.0,
     members: Annotated[int, typer.Option(min=2, help="Members drawn in each round.")] = 128,
     rounds: Annotated[int, typer.Option(min=0, help="Rounds after the first, at most.")] = 2,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and trials, same ensemble.")] = 1,
@@ -46,12 +71,14 @@ def command(
     prototype: PrototypeOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Estimate friction, stiffness, rest lengths, strokes and slope from trials' outcomes; write an ensemble and gaits' odds.
+    """Estimate friction, stiffness, rest lengths, strokes and slope from trials' outcomes; write an ensemble, and how
+    likely each gait is.
 
     Robots are drawn from a prior, roll every tried gait, and are weighted by the outcomes that they foretell.
 
-    sixstrut fit bags/monday --ensemble ours.yaml --odds ours.odds.yaml
-    sixstrut fit bags/monday bags/tuesday --counts-only --odds ours.odds.yaml
+    sixstrut fit
+    sixstrut fit bags/monday --ensemble my_ensemble.yaml --odds my_odds.yaml
+    sixstrut fit bags/monday bags/tuesday --counts-only --odds my_odds.yaml
     sixstrut fit --demonstrate
     """
     from sim_core.dynamics.model import build_model
@@ -68,19 +95,16 @@ def command(
         return
     if page or output is not None:
         raise typer.BadParameter("only a demonstration makes a page: give --demonstrate as well", param_hint="--page, --output")
-    if not trials:
-        raise typer.BadParameter("give at least one session's folder or bag, or --demonstrate", param_hint="SESSION_OR_BAG")
     if counts_only and (ensemble is not None or odds is None):
-        raise typer.BadParameter("it makes odds and no ensemble: give --odds FILE, and not --ensemble", param_hint="--counts-only")
-    tries = read_tries(trials, model, library)
-    found = None if counts_only else running.fitted(model, tries, asked)
+        raise typer.BadParameter("it makes no ensemble: give --odds FILE, and not --ensemble", param_hint="--counts-only")
+    tries = read_tries(chosen_sessions(trials), model, library)
+    found = None if counts_only else running.fitted(model, tries, asked, odds is not None)
     if ensemble is not None and found is not None:
         running.write_ensemble(in_folder(ensemble), model, tries, found)
+        typer.echo(f"wrote {ensemble}", err=as_json)
     if odds is not None:
         running.write_odds(in_folder(odds), model, tries, found, asked)
     document = running.document_of(tries, found)
     typer.echo(json.dumps(document) if as_json else running.text_of(tries, found))
-    if not as_json:
-        for path in (ensemble, odds):
-            if path is not None:
-                typer.echo(f"wrote {path}")
+    if odds is not None and not as_json:
+        typer.echo(f"wrote {odds}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`sixstrut odds`: were the rehearsals right?"""
+"""`sixstrut odds`: were the probabilities that rehearsals foretold right?"""
 
 from __future__ import annotations
 
@@ -9,14 +9,24 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, in_folder, output_folder
+from sixstrut_cli.options import JsonOption, announce, in_folder, output_folder
+from sixstrut_cli.outputs import picture_path
 
 
 def command(
-    bags: Annotated[list[Path], typer.Argument(metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags.")],
+    bags: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags. [default: the newest session or bag]", show_default=False
+        ),
+    ] = None,
     picture: Annotated[
         Path | None,
-        typer.Option(help="PNG: predicted odds against the share that succeeded. [default: out/odds/odds.png]", show_default=False),
+        typer.Option(
+            help="PNG: predicted probability against the share that succeeded. [default: out/odds/odds.png]",
+            show_default=False,
+            callback=picture_path,
+        ),
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -27,11 +37,15 @@ def command(
     sixstrut odds bags/example.mcap
     sixstrut odds bags/monday bags/tuesday --picture odds.png
     """
+    announce("reading bags: some seconds for each that is large")
     from sim_core.studies.binomial_intervals import rate_of
-    from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in
+    from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in, newest
     from tensegrity_lab.reports.hypothesis_tests import calibration
     from tensegrity_lab.reports.trial_plots import odds_picture
 
+    if not bags:
+        bags = [newest()]
+        typer.echo(f"the newest: {bags[0]}", err=True)
     files = bags_of(bags)
     rolls = [one for path in files for one in foretold_in(path)]
     told = calibration([one.odds for one in rolls], [one.won for one in rolls])

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import JsonOption, in_folder
+from sixstrut_cli.options import JsonOption, announce, in_folder
 
 
 def command(
@@ -25,7 +25,7 @@ def command(
         typer.Option(min=1, help="Only this trial of a session; may be given often.", show_default=False),
     ] = None,
     trials: Annotated[bool, typer.Option("--trials", help="Trial by trial, all of them.")] = False,
-    ensemble: Annotated[int, typer.Option(min=0, max=10_000, help="Also the odds of each trial, on so many perturbed twins.")] = 0,
+    ensemble: Annotated[int, typer.Option(min=0, max=10_000, help="Also each trial on so many perturbed twins.")] = 0,
     changes: Annotated[
         list[str] | None, typer.Option("--set", help="What if: NAME=VALUE of the model, such as mu_s=0.45; may be given often.")
     ] = None,
@@ -53,13 +53,14 @@ def command(
     sixstrut replay bags/example.mcap --animation rolls.webp
     sixstrut replay bags/monday/bags/session_20260102_030405.mcap --trial 17 --ensemble 24 --picture trial.png
     """
+    announce(f"stepping the twin through {bag}")
     from sim_core.rolling.warm_up import Stage
     from tensegrity_lab.bags.trial_replay import parsed_changes
     from tensegrity_lab.terminal.compile_notice import compile_first
 
     asked = parsed_changes(changes or [])
     if ensemble and not (trial or trials):
-        raise typer.BadParameter("--ensemble tells the odds of trials: give --trial N or --trials too")
+        raise typer.BadParameter("--ensemble tells how likely trials were: give --trial N or --trials too")
     if animation is not None and (trial or trials or animation.suffix not in (".webp", ".gif")):
         raise typer.BadParameter("it shows a whole session: a file .webp or .gif, without --trial", param_hint="--animation")
     compile_first(Stage.ROBOT, *([Stage.BATCH] if ensemble else []))
@@ -76,6 +77,7 @@ def _by_trial(
 ) -> bool:
     from hardware_bridge.recording.bag_reader import read_bag
     from hardware_bridge.recording.bag_types import TOPICS
+    from sim_core.studies.binomial_intervals import counted
     from sim_core.studies.rehearsal import Ensemble
     from tensegrity_lab.bags.replay import require_same_model
     from tensegrity_lab.bags.trial_replay import (
@@ -112,9 +114,8 @@ def _by_trial(
             odds[told.gait.name] = told
             if not as_json:
                 ends = ", ".join(f"{face} {count}" for face, count in told.outcomes.items())
-                interval = f"{100 * told.rate.low:.0f} to {100 * told.rate.high:.0f} %"
-                rate = f"{told.rate.successes} of {members} ({interval})"
-                typer.echo(f"odds of {told.gait.name}: {rate} on {law.law.words}; ends on {ends}")
+                rate = counted(told.rate.successes, members)
+                typer.echo(f"{told.gait.name} on perturbed twins ({law.law.brief}): {rate}; ends on {ends}")
     if picture is not None:
         course_picture(courses[0], in_folder(picture))
     agree = [course.agrees for course in courses if course.agrees is not None]

@@ -10,6 +10,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
+from sixstrut_cli.options import announce, chosen_sessions
+
 
 class _Greedy(TyperCommand):
     """`--against A B` means both: not A alone, and B among the others."""
@@ -32,7 +34,10 @@ COMMAND_CLASS = _Greedy
 
 
 def command(
-    sessions: Annotated[list[Path], typer.Argument(help="Folders of sessions; several are taken together.")],
+    sessions: Annotated[
+        list[Path] | None,
+        typer.Argument(help="Folders of sessions; several are taken together. [default: the newest]", show_default=False),
+    ] = None,
     against: Annotated[
         list[Path] | None, typer.Option(help="Sessions to compare with: all that follow.", show_default=False)
     ] = None,
@@ -42,11 +47,14 @@ def command(
 ) -> None:
     """Success rates with intervals, the paper's Figure 8, tests, symmetry, predictions: one page, with CSV and PNG beside it.
 
+    sixstrut report
     sixstrut report bags/monday
     sixstrut report bags/monday bags/tuesday --against bags/previous -o report
     """
+    announce("reading the sessions")
     from tensegrity_lab.reports.trial_report import Report, summary_of
 
+    sessions = chosen_sessions(sessions)
     words = ["./sixstrut", "report", *map(str, sessions), *(word for path in against or [] for word in ("--against", str(path)))]
     report = Report(sessions, against or [], shlex.join(words))
     page = report.write(output or sessions[0] / "report")

@@ -16,9 +16,49 @@ function order(what, more = {}) {
   return true;
 }
 
+// What an order came to. A good answer is told until the robot's state has moved on, a stop while it is in force, a refusal until the
+// next order.
+const TOLD_MS = 3000; // at least
+let toldIn = "", toldAt = 0; // the state when it was told, and when that was
+
 function tell(words, kind) {
-  $("told").textContent = words;
+  $("told").textContent = inWordsOfThePage(words);
   $("told").className = kind || "";
+  toldIn = facts ? stateOf(facts) : "";
+  toldAt = Date.now();
+}
+
+function forgetWhatIsOver(now) {
+  const words = $("told").textContent;
+  if (!words || stopping || $("told").className === "bad" || Date.now() - toldAt < TOLD_MS) return;
+  if (words.startsWith("stopped") ? now.state !== "FAULT" : stateOf(now) !== toldIn) tell("", "");
+}
+
+const stateOf = (now) => [now.alive && now.state, Boolean(now.roll), Boolean(now.travel)].join();
+
+// The nodes tell people at a terminal which service to call; here there is a button for it.
+const BUTTONS = { arm: "press Arm", reset: "press Reset", set_face: "choose it below Face", disarm: "press Disarm" };
+
+function inWordsOfThePage(words) {
+  return words
+    .replace(/ros2 service call \S*?(disarm|arm|reset|set_face) [\w/]+(?: "\{[^"]*\}")?/g, (_, name) => BUTTONS[name])
+    .replace("rolls are possible when bridge/state says ARMED", "rolls are possible when it is ARMED")
+    .replace("wait for ARMED in bridge/state", "wait for ARMED");
+}
+
+// What the robot does now, in one line.
+function doing(now) {
+  if (!now.alive) return "no bridge is heard";
+  if (now.travel) return `travelling: ${now.travel.phase}`;
+  if (now.roll) return `rolling: ${now.roll.phase}`;
+  const words = {
+    DISARMED: "not armed: the struts hold",
+    HOMING: "homing: every strut goes to mid stroke",
+    ARMED: `armed${now.holder ? ` for ${now.holder}` : ""}`,
+    HOLD: "held: the struts stay where they are",
+    FAULT: `${now.reason || "stopped"}; Reset leaves this`,
+  };
+  return words[now.state] || now.reason;
 }
 
 // A stop is asked for until it is answered, also over a connection that is lost and comes back.
@@ -93,6 +133,8 @@ function show(now) {
   text("state", state);
   $("state").className = `badge ${now.alive ? now.state : ""}`;
   $("state").title = now.reason;
+  text("doing", inWordsOfThePage(doing(now)));
+  forgetWhatIsOver(now);
   text("face", now.face || "no face");
   text("faceSource", now.source ? `seen by ${now.source}${now.predicted && now.predicted !== now.face ? `; twin: ${now.predicted}` : ""}` : "predicted, nobody looked");
   health("link", now.alive && now.link ? "open" : "lost", !(now.alive && now.link));
@@ -127,7 +169,7 @@ function troubles(now) {
   const shown = list.join("\n");
   if ($("troubles").dataset.shown !== shown) {
     $("troubles").dataset.shown = shown;
-    $("troubles").replaceChildren(...list.map((words) => Object.assign(document.createElement("li"), { textContent: words })));
+    $("troubles").replaceChildren(...list.map((words) => Object.assign(document.createElement("li"), { textContent: inWordsOfThePage(words) })));
   }
 }
 
@@ -155,28 +197,29 @@ function neighbours(now) {
       button.type = "button";
       button.dataset.face = gait.target;
       button.className = gait.target === now.selected ? "chosen" : "";
-      button.append(Object.assign(document.createElement("b"), { textContent: gait.target }), `${Math.round(100 * gait.odds)} %`);
+      button.append(Object.assign(document.createElement("b"), { textContent: gait.target }), gait.members ? `${gait.successes} of ${gait.members}` : "");
       button.onclick = () => order("select", { target: gait.target });
       return button;
     }));
   }
   text("rollFrom", now.face ? `from ${now.face}` : "");
   const chosen = gaits.find((gait) => gait.target === now.selected);
-  if (!now.face) text("foretold", "no face is known, so there is no roll");
-  else if (!now.rehearsal) text("foretold", now.unrehearsed || "rehearsing …");
-  else if (!chosen) text("foretold", `odds of the best gait to each neighbour, on ${gaits[0] ? gaits[0].members : 0} perturbed twins`);
-  else text("foretold", `${chosen.primitive}: ${chosen.successes} of ${chosen.members} rehearsals rolled; they ended on ${chosen.ends.map(([face, count]) => `${face} ${count}`).join(", ")}`);
+  if (now.travel) text("foretold", "the rolls of the travel are chosen one after the other");
+  else if (!now.face) text("foretold", now.roll ? "" : "it stands on no face that is known: there is no roll to choose now");
+  else if (!now.rehearsal) text("foretold", inWordsOfThePage(now.unrehearsed || "") || "rehearsing …");
+  else if (!chosen) text("foretold", `the best gait to each neighbour, tried on ${gaits[0] ? gaits[0].members : 0} perturbed twins: so many rolled`);
+  else text("foretold", `${chosen.primitive}: ${chosen.successes} of ${chosen.members} twins rolled; they ended on ${chosen.ends.map(([face, count]) => `${face} ${count}`).join(", ")}`);
   const running = now.roll;
   $("progress").hidden = !running;
   if (running) $("progress").value = running.progress || 0;
-  text("phase", running ? `${running.phase}, on ${running.face || "no face"}` : / failed/.test(now.last) ? "" : now.last);
+  text("phase", running ? `${running.phase}, on ${running.face || "no face"}` : / failed/.test(now.last) ? "" : inWordsOfThePage(now.last));
 }
 
 function journey(now) {
   const running = now.travel;
   text("place", now.place_m ? `selected: ${now.place_m.map((v) => v.toFixed(2)).join(", ")} m` : "click on the floor for a place");
   if (!running) return text("journey", "");
-  const odds = running.odds === null ? "" : `, odds ${Math.round(100 * running.odds)} %`;
+  const odds = running.odds === null ? "" : `, probability ${Math.round(100 * running.odds)} %`;
   text("journey", `roll ${running.rolls + 1}: ${running.phase}; ${Math.round(100 * (running.left_m || 0))} cm left, ${running.rolls_left} rolls${odds}`);
 }
 

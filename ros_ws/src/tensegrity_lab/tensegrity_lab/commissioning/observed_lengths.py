@@ -1,14 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A virtual prototype to practise on, and eyes on it."""
+"""Strut lengths as the virtual prototype's observer sees them."""
 
 from __future__ import annotations
 
-import tempfile
 import threading
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from pathlib import Path
 from types import TracebackType
 
 import numpy as np
@@ -16,22 +12,11 @@ import numpy as np
 from hardware_bridge.prototype_client.observation import Observation
 from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.topology import STRUTS
-from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import Lateness
-from tensegrity_lab.stack.virtual_stack import start_prototype
 
 REST_LIMIT_S = 20.0
 LATE_S = 0.2
 """A simulation no later than this is on time."""
-
-
-@contextmanager
-def practice_prototype(time_scale: float, board: str) -> Iterator[Path]:
-    """The link of a virtual prototype of its own, until the end of the block. Raises StackError: it does not start."""
-    with tempfile.TemporaryDirectory(prefix="sixstrut-practice-") as folder, Stack(Path(folder)) as stack:
-        link = Path(folder) / "prototype"
-        start_prototype(stack, link, {"board": board, "time-scale": time_scale})
-        yield link
 
 
 class Eyes:

@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What somebody at a terminal is told of long work: how long it takes, and what Ctrl-C keeps."""
+
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from sim_core import build_model, load_prototype
+from tensegrity_lab.terminal.forecast import about, say_forecast
+
+COMPUTES = """
+import sys
+from tensegrity_lab.terminal.progress import bars
+with bars("rolls", "everything that was written"):
+    print("begun", flush=True)
+    while True:
+        try:
+            sum(range(1_000_000))
+        except KeyboardInterrupt:
+            print("an exception can be lost", flush=True)
+"""
+
+
+def test_ctrl_c_always_leaves_and_says_what_is_kept():
+    process = subprocess.Popen([sys.executable, "-c", COMPUTES], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    assert process.stdout.readline() == "begun\n"
+    began = time.monotonic()
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=20)
+    assert process.returncode == 130
+    assert "interrupted: everything that was written" in err
+    assert out == ""
+    assert time.monotonic() - began < 5.0
+
+
+def test_outside_of_long_work_ctrl_c_is_what_it_was():
+    from tensegrity_lab.terminal.leaving import leaves_at_once
+
+    before = signal.getsignal(signal.SIGINT)
+    with leaves_at_once("nothing"):
+        assert signal.getsignal(signal.SIGINT) is not before
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+@pytest.mark.parametrize(("seconds", "text"), [(1, "5 s"), (42, "40 s"), (89, "90 s"), (300, "5 min"), (8000, "2.2 h")])
+def test_a_forecast_is_no_more_exact_than_it_can_be(seconds, text):
+    assert about(seconds) == text
+
+
+def test_the_forecast_is_measured_here(capsys):
+    say_forecast("a study", 1000, build_model(load_prototype()))
+    said = capsys.readouterr().err
+    assert said.startswith("a study: 1000 rolls, about ")
+    assert "rolls/s here; Ctrl-C leaves at any time" in said
