@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What docs/failures.md says, and texts without what differs from run to run."""
+"""What docs/results/failures.md says, and texts without what differs from run to run."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-DOCS_PAGE = Path("docs/failures.md")
+DOCS_PAGE = Path("docs/results/failures.md")
 _CELL = re.compile(r"(?<!\\)\|")
 _VOLATILE = (
     (re.compile(r"(?:/[\w.+-]+)+/(?=[\w.+-])"), ""),  # folders

@@ -27,7 +27,7 @@ EXIT_CODES = (
 )
 
 
-def page(root: Path) -> str:
+def page(_: Path) -> str:
     """The page, as Markdown."""
     entries = registry.entries()
     lines = ["# Commands", "", NOTE, "", "`./sixstrut COMMAND --help` shows the same.", ""]

@@ -145,7 +145,7 @@ moves nothing; which topics, is in the [interfaces](interfaces.md). Attached are
 the session; the metadata hold their hashes and versions."""
 
 
-def page(root: Path) -> str:
+def page(_: Path) -> str:
     """The page, as Markdown."""
     from hardware_bridge.calibration.pulse_map import StrutCalibration
     from tensegrity_lab.session_data.record import COLUMNS

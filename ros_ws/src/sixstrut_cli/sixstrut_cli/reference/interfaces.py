@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of ROS interfaces: names, types and quality of service are read from the nodes' sources, fields from the definitions."""
+"""The page of ROS interfaces: topics from their table, who uses what from the nodes' sources, fields from the definitions."""
 
 from __future__ import annotations
 
 import ast
-from collections import defaultdict
+import re
 from pathlib import Path
 from typing import NamedTuple
 
@@ -24,44 +24,19 @@ MEANINGS = {
     "log_trial": "put a trial's record into the bag; answers when it is on the disk",
     "face_graph": "gaits of a roll with their success probability, or the likeliest route",
     "rehearse": "success probability of the rolls from the face known now",
-    "bridge/struts_sent": "every frame really sent to the board, with its bytes; without one, a heartbeat",
-    "bridge/face": "what somebody saw, with its source",
-    "bridge/state": "supervisor, link, lease, bag; also twice a second",
-    "bridge/joint_states": "commanded lengths, never measured",
-    "bridge/asked": "each accepted goal, as asked",
-    "bridge/observed_joints": "twelve joints and the box, as the virtual prototype's observer sees them",
-    "bridge/trial": "each trial's record, as logged",
-    "bridge/lease": "proof of life of the lease's holder, at 2 Hz or more: a counter and its HMAC, without the lease",
-    "/diagnostics": "1 Hz: link and its latencies, supervisor, frames, duty, supply, board, log, observer",
-    "twin/state": "the twin, with forces and a digest of its bits",
-    "twin/face": "the face that the twin predicts",
-    "twin/joint_states": "length (m), speed (m/s), axial force (N)",
-    "twin/joints": "twelve joints, then the box",
-    "twin/pose": "the body: centre of the nodes, best-fit rotation",
-    "twin/markers": "the robot for RViz and Foxglove",
-    "twin/command": "lengths for a twin that is the robot (`mode:=standalone`)",
-    "rehearsal": "how the next roll went on the planner's perturbed twins",
-    "goal_pose": "travel there, instead of where it travels now (RViz's 2D Goal Pose); stamped now",
-    "travel/path": "the way planned now",
-    "travel/goal": "where that way ends",
-    "trial/panel": "what a session that a person judges shows, as JSON",
-    "trial/key": "keys for that session",
 }
 
 _NODES = {
     "bridge": "hardware_bridge", "twin": "twin", "traveller_node": "traveller", "planner": "gait_planner",
     "port_process": "hardware_bridge_stop", "remote_panel": "trial session",
 }  # fmt: skip
-_CALLS = {  # method or class -> (what, place of the type among the arguments, of the name)
-    "create_publisher": ("publishes", 0, 1),
-    "publisher": ("publishes", 0, 1),
-    "create_subscription": ("hears", 0, 1),
-    "record": ("hears", 0, 1),
-    "create_service": ("serves", 0, 1),
-    "create_client": ("calls", 0, 1),
-    "ActionServer": ("serves", 1, 2),
-    "ActionClient": ("calls", 1, 2),
-}
+_CALL = re.compile(
+    r"(?P<action>ActionServer|ActionClient)\(\s*(?:self|node),\s*(?P<type>\w+),\s*\"(?P<name>\w+)\""
+    r"|(?P<service>create_service|create_client)\((?P<kind>\w+), \"(?P<called>[\w/]+)\""
+    r"|(?P<topic>[A-Z_]{4,})\.(?P<how>publisher|subscribe)\("
+    r"|publisher\((?P<recorded>[A-Z_]{4,})\)"
+)
+"""Every way in which a node's source offers or takes a name."""
 
 HEAD = """\
 All names are relative: namespaces and remaps work. Poses are in the frame `odom`, z up. Lengths are absolute rest lengths in m
@@ -70,31 +45,39 @@ Topics marked *bag* are recorded under `/recorded/…`."""
 
 
 class Use(NamedTuple):
-    """A node that takes part in one name."""
+    """A node that takes part in one name; `gives`: it publishes or serves it."""
 
     name: str
     type_name: str
     node: str
-    what: str
-    profile: str
-    recorded: bool
+    gives: bool
 
 
 def page(root: Path) -> str:
     """The page, as Markdown."""
     sources = root / "ros_ws" / "src"
     uses = _uses(sources)
-    unknown, gone = {use.name for use in uses} - MEANINGS.keys(), MEANINGS.keys() - {use.name for use in uses}
+    calls = [use for use in uses if "/msg/" not in use.type_name]
+    unknown, gone = {use.name for use in calls} - MEANINGS.keys(), MEANINGS.keys() - {use.name for use in calls}
     if unknown or gone:
         raise ValueError(f"interfaces.py: say in MEANINGS what {sorted(unknown)} are; not in the nodes any more: {sorted(gone)}")
     lines = ["# ROS interfaces", "", NOTE, "", HEAD]
-    for title, kind, head in (
-        ("Actions", "action", ("action", "type", "served by", "used by", "does")),
-        ("Services", "srv", ("service", "type", "served by", "used by", "does")),
-        ("Topics", "msg", ("topic", "type", "published by", "heard by", "quality of service", "tells")),
-    ):
-        lines += ["", f"## {title}", "", *table(head, _rows([use for use in uses if f"/{kind}/" in use.type_name], kind))]
-    lines += ["", "### Quality of service", "", *table(("name", "depth", "durability", "for"), _profiles(sources))]
+    for title, kind, head in (("Actions", "action", "action"), ("Services", "srv", "service")):
+        rows = [
+            (f"`{name}`", _linked(type_name), _who(calls, name, gives=True), _who(calls, name, gives=False), MEANINGS[name])
+            for name, type_name in sorted(
+                {use.name: use.type_name for use in calls}.items(), key=lambda call: list(MEANINGS).index(call[0])
+            )
+            if f"/{kind}/" in type_name
+        ]
+        lines += ["", f"## {title}", "", *table((head, "type", "served by", "used by", "does"), rows)]
+    lines += [
+        "",
+        "## Topics",
+        "",
+        *table(("topic", "type", "published by", "heard by", "quality of service", "tells"), _topics(uses)),
+    ]
+    lines += ["", "### Quality of service", "", *table(("name", "depth", "durability", "for"), _profiles())]
     lines += ["", "## Definitions"]
     for kind in ("msg", "srv", "action"):
         for file in sorted((sources / "tensegrity_interfaces" / kind).glob(f"*.{kind}")):
@@ -103,29 +86,21 @@ def page(root: Path) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _rows(uses: list[Use], kind: str) -> list[tuple[str, ...]]:
-    by_name: dict[str, list[Use]] = defaultdict(list)
-    for use in uses:
-        by_name[use.name].append(use)
+def _topics(uses: list[Use]) -> list[tuple[str, ...]]:
+    from tensegrity_robot.ros import qos
+    from tensegrity_robot.ros.topics import TOPICS
+
+    profiles = {id(getattr(qos, name)): name for name in dir(qos) if name.isupper()}
     rows = []
-    for name in sorted(by_name, key=list(MEANINGS).index):
-        group = by_name[name]
-        types = sorted({use.type_name for use in group})
-        if len(types) != 1:
-            raise ValueError(f"{name} has several types in the nodes: {types}")
-        giving = _who(group, ("publishes", "serves"))
-        taking = _who(group, ("hears", "calls"))
-        if any(use.recorded for use in group):
-            taking = f"{taking}, *bag*" if taking else "*bag*"
-        row = [f"`{name}`", _linked(types[0]), giving, taking]
-        if kind == "msg":
-            row.append(next((use.profile for use in group if use.what == "publishes" and use.profile), group[0].profile))
-        rows.append((*row, MEANINGS[name]))
+    for topic in TOPICS:
+        heard = ", ".join(filter(None, (_who(uses, topic.name, gives=False), "*bag*" if topic.told_by else "")))
+        given = _who(uses, topic.name, gives=True)
+        rows.append((f"`{topic.name}`", _linked(topic.type_name), given, heard, profiles[id(topic.profile)], topic.about))
     return rows
 
 
-def _who(uses: list[Use], what: tuple[str, ...]) -> str:
-    return ", ".join(dict.fromkeys(use.node for use in uses if use.what in what and use.node))
+def _who(uses: list[Use], name: str, *, gives: bool) -> str:
+    return ", ".join(dict.fromkeys(use.node for use in uses if use.name == name and use.gives == gives and use.node))
 
 
 def _linked(type_name: str) -> str:
@@ -134,57 +109,31 @@ def _linked(type_name: str) -> str:
 
 
 def _uses(sources: Path) -> list[Use]:
+    from tensegrity_robot.ros import topics
+
     files = sorted((sources / "tensegrity_robot/tensegrity_robot").rglob("*.py"))
     files.append(sources / "tensegrity_lab/tensegrity_lab/trials/remote_panel.py")
-    found = [Use("stop", "std_srvs/srv/Trigger", _NODES["port_process"], "serves", "", False)]  # named by the bridge when it starts
+    found = [Use("stop", "std_srvs/srv/Trigger", _NODES["port_process"], gives=True)]  # named by the bridge when it starts
     for file in files:
-        tree = ast.parse(file.read_text(encoding="utf-8"))
-        types = {
-            (alias.asname or alias.name): f"{node.module.replace('.', '/')}/{alias.name}"
-            for node in ast.walk(tree)
-            if isinstance(node, ast.ImportFrom) and node.module and node.module.endswith((".msg", ".srv", ".action"))
-            for alias in node.names
-        }
-        texts = _texts(tree)
+        text = file.read_text(encoding="utf-8")
         owner = _NODES.get(file.stem) or _NODES.get(file.parent.name, "")
-        for node in ast.walk(tree):
-            if isinstance(node, ast.Call):
-                use = _use(node, types, texts, owner)
-                if use is not None:
-                    found.append(use)
+        types = {
+            name: f"{kind.replace('.', '/')}/{name}"
+            for kind, names in re.findall(r"^from (\w+\.(?:srv|action)) import ([\w, ]+)$", text, re.MULTILINE)
+            for name in names.split(", ")
+        }
+        for call in _CALL.finditer(text):
+            topic = call["topic"] or call["recorded"]
+            if topic is not None and hasattr(topics, topic):
+                told = getattr(topics, topic)
+                found.append(Use(told.name, told.type_name, owner, call["how"] != "subscribe"))
+            elif (call["type"] or call["kind"]) in types:
+                how, type_name = call["action"] or call["service"], types[call["type"] or call["kind"]]
+                found.append(Use(call["name"] or call["called"], type_name, owner, how in ("create_service", "ActionServer")))
     return found
 
 
-def _texts(tree: ast.Module) -> dict[str, str]:
-    """Names of a module that stand for texts."""
-    texts = {}
-    for node in tree.body:
-        if isinstance(node, ast.Assign):
-            for target in node.targets:
-                names = target.elts if isinstance(target, ast.Tuple) else [target]
-                values = node.value.elts if isinstance(node.value, ast.Tuple) else [node.value]
-                for name, value in zip(names, values, strict=False):
-                    if isinstance(name, ast.Name) and isinstance(value, ast.Constant) and isinstance(value.value, str):
-                        texts[name.id] = value.value
-    return texts
-
-
-def _use(call: ast.Call, types: dict[str, str], texts: dict[str, str], owner: str) -> Use | None:
-    method = call.func.attr if isinstance(call.func, ast.Attribute) else getattr(call.func, "id", "")
-    what, at_type, at_name = _CALLS.get(method, ("", 0, 0))
-    if not what or len(call.args) <= at_name or not isinstance(call.args[at_type], ast.Name):
-        return None
-    type_name = types.get(call.args[at_type].id)  # type: ignore[attr-defined]
-    given = call.args[at_name]
-    name = given.value if isinstance(given, ast.Constant) else texts.get(getattr(given, "id", ""))
-    if type_name is None or not isinstance(name, str):
-        return None
-    profile = next((arg.attr for arg in call.args if isinstance(arg, ast.Attribute) and getattr(arg.value, "id", "") == "qos"), "")
-    recorded = method in ("publisher", "record")
-    return Use(name, type_name, "" if method == "record" else owner, what, profile, recorded)
-
-
-def _profiles(sources: Path) -> list[tuple[str, str, str, str]]:
+def _profiles() -> list[tuple[str, str, str, str]]:
     from tensegrity_robot.ros import qos
 
     tree = ast.parse(Path(qos.__file__).read_text(encoding="utf-8"))

@@ -33,7 +33,7 @@ Actuators that feel their load: `sim_core/sim_core/data/actuators.yaml`. The vir
 with `actuators:=stand-in`. Another file of the same form can be given in their place."""
 
 
-def page(root: Path) -> str:
+def page(_: Path) -> str:
     """The page, as Markdown."""
     lines = ["# Parameters", "", NOTE, "", HEAD]
     for node, settings in _nodes().items():

@@ -19,7 +19,7 @@ LEVELS = (80, 50)
 
 def robustness_picture(study: Study, blame: Attribution | None, path: Path, title: str) -> None:
     """Bars sorted by rate with their intervals, a histogram, and, if known, the uncertainties to blame."""
-    if blame is not None and not blame.failures:
+    if blame is not None and not blame.failed:
         blame = None  # nothing failed: nothing is to blame
     figure = new_figure(12, 6)
     grid = figure.add_gridspec(2, 2, width_ratios=(2.2, 1))
