@@ -18,6 +18,8 @@ def read_bytes(path: Path | str, most: int = MOST_BYTES, owners: Collection[int]
     """A whole file.
 
     Args:
+        path: where it lies.
+        most: bytes that it may have.
         owners: numbers of the users of whom it may be; then it is read through no link. None: anybody's.
         hidden: others must be able neither to read nor to change it.
 

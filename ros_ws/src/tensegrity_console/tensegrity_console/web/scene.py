@@ -175,8 +175,8 @@ class Scene:
         shown: list[tuple[Array, Color, float, str]] = []
         if stance is not None:
             shown.append((facts.joints_m[list(FACES[stance.face]), :2], BLUE, 0.45, stance.face))
-            for neighbour in self._ground.neighbours(stance):
-                shown.append((neighbour.corners_m, GREY, 0.3, neighbour.face + tried.get(neighbour.face, "")))
+            near = self._ground.neighbours(stance)
+            shown += [(one.corners_m, GREY, 0.3, one.face + tried.get(one.face, "")) for one in near]
         for slot, (mesh, label) in enumerate(self._faces):
             mesh.visible = label.visible = slot < len(shown)
             if slot < len(shown):

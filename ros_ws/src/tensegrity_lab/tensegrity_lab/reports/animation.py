@@ -56,7 +56,11 @@ def animate(moments: Sequence[Moment], stands: Sequence[Stand], path: Path, titl
     """Write a moving picture that loops; returns its frames.
 
     Args:
-        moments: in order. stands: faces, in order. path: .webp or .gif. seconds: how long it takes, about.
+        moments: in order.
+        stands: faces, in order.
+        path: .webp or .gif.
+        title: above it.
+        seconds: how long it takes, about.
 
     Raises:
         ReplayError: there is nothing to show.
@@ -153,6 +157,7 @@ class Scene:
         return np.column_stack([seen[:, 0] / seen[:, 2], seen[:, 1] / seen[:, 2], seen[:, 2]])
 
     def draw_floor(self, axes: Any, moment: Moment) -> None:
+        """A grid of 5 cm, the faces stood on, the path, and the robot's shadow."""
         from matplotlib.collections import LineCollection, PolyCollection
 
         pitch = 0.05
@@ -210,8 +215,7 @@ class Scene:
             body = joints[a] + way * (0.62 * self._rest_m / np.linalg.norm(way))  # the actuator's body stays as long as it is
             line(body, joints[b], "#c9d1d8", 3.4, 1.2)
             line(joints[a], body, STRUT_COLORS[strut], 7.0, 1.4)
-        for joint in joints:
-            parts.append(self._knob(axes, joint))
+        parts += [self._knob(axes, joint) for joint in joints]
         parts += self._box(axes, moment.box_m)
         for order, (_, draw) in enumerate(sorted(parts, key=lambda part: -part[0])):
             draw(10.0 + 0.01 * order)

@@ -10,6 +10,7 @@ def table(head: Sequence[str], rows: Iterable[Sequence[object]], columns: str = 
     """A table.
 
     Args:
+        head: names of the columns.
         rows: of cells, as many as the head has.
         columns: a letter each, l or r; default: all but the first go right.
     """

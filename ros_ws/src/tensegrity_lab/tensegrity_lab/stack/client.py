@@ -84,11 +84,14 @@ class StackClient:
         name: str = "sixstrut_operator",
         events: bool = False,
     ):
-        """Args:
-        stack: a wait ends with the death of any of its processes.
-        prototype: nothing is heard or wanted of another one's bridge. Empty: whatever robot the stack has.
-        domain: of ROS; None: the shell's, found as the nodes find each other.
-        events: keep the bridge's events and diagnostics.
+        """Join ROS.
+
+        Args:
+            stack: a wait ends with the death of any of its processes.
+            prototype: nothing is heard or wanted of another one's bridge. Empty: whatever robot the stack has.
+            domain: of ROS; None: the shell's, found as the nodes find each other.
+            name: of the node.
+            events: keep the bridge's events and diagnostics.
         """
         if domain is None:
             os.environ.update(discovery_changes(os.environ, loopback_profile()))
@@ -358,8 +361,13 @@ class StackClient:
         """Roll onto a face; the action's result. KeyboardInterrupt cancels it, which holds the struts, and goes on.
 
         Args:
-            source, primitive: as in the action; empty: where it stands, and the planner's choice.
-            tell: told the feedback. watch: called all the while; may raise KeyboardInterrupt.
+            target: the face to roll onto.
+            source: where it stands; empty: as known.
+            primitive: name of one; empty: the planner's choice.
+            anyway: also if the planner thinks it too unlikely.
+            tell: told the feedback.
+            limit_s: of the whole roll.
+            watch: called all the while; may raise KeyboardInterrupt.
         """
         return self._whole(self.begin_roll(target, source, primitive, anyway, tell), "roll", limit_s, watch)
 

@@ -132,8 +132,13 @@ class Stack:
     """
 
     def __init__(self, folder: Path, *locks: int, environ: Mapping[str, str] | None = None, work_folder: Path | None = None):
-        """Args: locks: descriptors that the processes keep open, so that the locks outlive this process as long as they live.
-        environ: of all of them, beside what this process has. work_folder: they work there; None: here.
+        """Nothing runs yet.
+
+        Args:
+            folder: of their logs; made if it is not there.
+            locks: descriptors that the processes keep open, so that the locks outlive this process as long as they live.
+            environ: of all of them, beside what this process has.
+            work_folder: they work there; None: here.
         """
         self.folder = folder
         folder.mkdir(parents=True, exist_ok=True)

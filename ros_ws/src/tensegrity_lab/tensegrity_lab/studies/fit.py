@@ -59,6 +59,9 @@ def fitted(model: Model, tries: Tries, asked: Asked, with_odds: bool = False) ->
     """Fit an ensemble, with forecast and progress on standard error. Raises what `fit` raises.
 
     Args:
+        model: the nominal one.
+        tries: what was tried, and how it ended.
+        asked: how many members and rounds.
         with_odds: how likely every gait is will be computed after it: part of the forecast.
     """
     compile_first(Stage.BATCH)

@@ -25,7 +25,7 @@ def leaves_at_once(kept: str) -> Iterator[None]:
         kept: What is not lost, and how to go on.
     """
 
-    def leave(number: int, frame: FrameType | None) -> None:
+    def leave(_number: int, _frame: FrameType | None) -> None:
         shown = _SHOW_CURSOR if sys.stderr.isatty() else ""
         os.write(2, f"{shown}\ninterrupted: {kept}\n".encode())
         os._exit(EXIT_INTERRUPTED)

@@ -17,7 +17,8 @@ def bars(unit: str, kept: str = "") -> Iterator[Reporter]:
     """Bars on standard error, one for each title.
 
     Args:
-        unit: what is counted, e.g. "rolls". kept: see `leaves_at_once`; empty: Ctrl-C is an exception, as ever.
+        unit: what is counted, e.g. "rolls".
+        kept: see `leaves_at_once`; empty: Ctrl-C is an exception, as ever.
     """
     from rich.console import Console
     from rich.progress import BarColumn, Progress, ProgressColumn, Task, TextColumn, TimeElapsedColumn, TimeRemainingColumn
