@@ -79,7 +79,7 @@ def aligned_rows(rows: int) -> Array:
 
 
 @njit(nogil=True, cache=True)
-def _run(  # noqa: C901, PLR0912 (all that happens to a lane, in one compiled loop)
+def _run(  # noqa: PLR0912 (all that happens to a lane, in one compiled loop)
     state: Array,
     par: Array,
     work: Array,

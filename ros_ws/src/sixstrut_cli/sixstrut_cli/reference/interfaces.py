@@ -63,7 +63,7 @@ def page(root: Path) -> str:
         raise ValueError(f"interfaces.py: say in MEANINGS what {sorted(unknown)} are; not in the nodes any more: {sorted(gone)}")
     lines = ["# ROS interfaces", "", NOTE, "", HEAD]
     for title, kind, head in (("Actions", "action", "action"), ("Services", "srv", "service")):
-        rows = [
+        rows: list[tuple[str, ...]] = [
             (f"`{name}`", _linked(type_name), _who(calls, name, gives=True), _who(calls, name, gives=False), MEANINGS[name])
             for name, type_name in sorted(
                 {use.name: use.type_name for use in calls}.items(), key=lambda call: list(MEANINGS).index(call[0])

@@ -73,7 +73,9 @@ def command(
 ) -> None:
     """Estimate friction, stiffness, rest lengths, strokes and slope from trials' outcomes.
 
-    It writes an ensemble of robots, and how likely each gait is. Robots are drawn from a prior, roll every tried gait, and are weighted by the outcomes that they foretell.
+    It writes an ensemble of robots, and how likely each gait is.
+
+    Robots are drawn from a prior, roll every tried gait, and are weighted by the outcomes that they foretell.
 
     sixstrut fit
     sixstrut fit bags/monday --ensemble my_ensemble.yaml --odds my_odds.yaml
