@@ -63,20 +63,15 @@ def page(root: Path) -> str:
         raise ValueError(f"interfaces.py: say in MEANINGS what {sorted(unknown)} are; not in the nodes any more: {sorted(gone)}")
     lines = ["# ROS interfaces", "", NOTE, "", HEAD]
     for title, kind, head in (("Actions", "action", "action"), ("Services", "srv", "service")):
-        rows: list[tuple[str, ...]] = [
-            (f"`{name}`", _linked(type_name), _who(calls, name, gives=True), _who(calls, name, gives=False), MEANINGS[name])
-            for name, type_name in sorted(
-                {use.name: use.type_name for use in calls}.items(), key=lambda call: list(MEANINGS).index(call[0])
-            )
-            if f"/{kind}/" in type_name
+        types = {use.name: use.type_name for use in calls if f"/{kind}/" in use.type_name}
+        rows = [
+            (f"`{name}`", _linked(types[name]), _who(calls, name, gives=True), _who(calls, name, gives=False), does)
+            for name, does in MEANINGS.items()
+            if name in types
         ]
         lines += ["", f"## {title}", "", *table((head, "type", "served by", "used by", "does"), rows)]
-    lines += [
-        "",
-        "## Topics",
-        "",
-        *table(("topic", "type", "published by", "heard by", "quality of service", "tells"), _topics(uses)),
-    ]
+    told = ("topic", "type", "published by", "heard by", "quality of service", "tells")
+    lines += ["", "## Topics", "", *table(told, _topics(uses))]
     lines += ["", "### Quality of service", "", *table(("name", "depth", "durability", "for"), _profiles())]
     lines += ["", "## Definitions"]
     for kind in ("msg", "srv", "action"):
@@ -91,7 +86,7 @@ def _topics(uses: list[Use]) -> list[tuple[str, ...]]:
     from tensegrity_robot.ros.topics import TOPICS
 
     profiles = {id(getattr(qos, name)): name for name in dir(qos) if name.isupper()}
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for topic in TOPICS:
         heard = ", ".join(filter(None, (_who(uses, topic.name, gives=False), "*bag*" if topic.told_by else "")))
         given = _who(uses, topic.name, gives=True)
