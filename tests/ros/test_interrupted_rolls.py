@@ -11,6 +11,7 @@ from sixstrut_cli.faults.client import Operator
 from sixstrut_cli.faults.processes import wait_until
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
+from tests.ros.test_traveller import Client
 
 pytestmark = pytest.mark.ros
 NEUTRAL = [0.234] * 6
@@ -19,10 +20,11 @@ LEASE_S = 5.0  # so long that what ends a motion sooner, on a busy machine too, 
 
 @pytest.fixture(scope="module")
 def stack(module_processes):
-    """The whole stack but for the traveller, three times as fast as life."""
+    """The whole stack, three times as fast as life."""
     prototype = module_processes.start("virtual_prototype", "--time-scale", "3", "--perturbation", "0", "--actuators", "ideal")
     module_processes.start("twin")
     module_processes.start("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
+    module_processes.start("traveller")
     module_processes.start("hardware_bridge", lease_silence_s=LEASE_S)
     prototype.says("ready")
     return module_processes
@@ -85,6 +87,20 @@ def test_stop_fails_the_running_roll_and_latches(robot):
     robot.sees(BridgeState.DISARMED)
     robot.arm()
     assert list(robot.bridge.length_m) == pytest.approx(NEUTRAL, abs=1e-4)
+
+
+def test_a_cancelled_travel_holds_the_struts(robot):
+    client = Client(robot)
+    robot.arm()
+    handle = client.begin(1.5, 0.0)
+    wait_until(lambda: any("rolling" in told.phase for told in client.feedback), 30.0, "a roll")
+    wait_until(lambda: abs(robot.sent[-1].length_m[0] - 0.234) > 0.002, 30.0, "a strut that moves")
+    cancel = handle.cancel_goal_async()
+    wait_until(cancel.done, 10.0, "an answer to cancel")
+    answer = client.end(handle)
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert "cancelled" in answer.result.reason
+    robot.sees(BridgeState.HOLD)
 
 
 def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):

@@ -156,8 +156,6 @@ def test_a_travel(lab: Lab) -> None:
 @pytest.mark.parametrize("words", [("console", "console: http"), ("foxglove", "Foxglove: open")])
 def test_what_a_person_arms_in_a_browser(lab: Lab, words: tuple[str, str]) -> None:
     """Arming is asked of the planner, as page and app do it; in the printed domain, which says that `ros2` joins there, too."""
-    if words[0] == "foxglove":
-        pytest.importorskip("foxglove")
     command = lab.beside.command(words[0], "--virtual", "--port", "0", "--bags", str(lab.folder / words[0]))
     command.says(words[1], LIMIT_S)
     operator = Operator(own_domain(command))

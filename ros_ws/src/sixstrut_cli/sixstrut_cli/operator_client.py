@@ -31,8 +31,8 @@ from tensegrity_robot.live_bridge import LiveBridge
 LONGEST_WORDS = 2000
 DISCOVERY_LIMIT_S = 30.0
 ARM_LIMIT_S = 40.0
-STOP_AGAIN_S = 0.5
 """The planner gives the bridge so long to load its judge of shapes, and a little more."""
+STOP_AGAIN_S = 0.5
 LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
