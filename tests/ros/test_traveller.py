@@ -37,9 +37,7 @@ class Client:
         wait_until(self._travels.server_is_ready, 30.0, "the action travel")
         self.feedback = []
         goal = Travel.Goal(goal=pose(x, y, frame), **more)
-        sent = self._travels.send_goal_async(goal, feedback_callback=lambda m: self.feedback.append(m.feedback))
-        wait_until(sent.done, 10.0, "an answer to travel")
-        return sent.result()
+        return self.operator.send(self._travels, goal, "an answer to travel", lambda m: self.feedback.append(m.feedback))
 
     def click(self, x, y, frame="odom", age_s=0.0):
         """A goal on goal_pose, stamped so long ago; None: not at all."""
@@ -51,9 +49,7 @@ class Client:
 
     def end(self, handle):
         """The answer at its end."""
-        future = handle.get_result_async()
-        wait_until(future.done, LIMIT_S, "the end of the travel")
-        return future.result()
+        return self.operator.end(handle, LIMIT_S)
 
 
 def pose(x, y, frame="odom"):

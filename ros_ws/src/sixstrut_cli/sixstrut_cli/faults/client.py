@@ -144,7 +144,7 @@ class Operator:
 
     def moves(self, handle: Any, stroke_m: float) -> None:
         """Wait until a roll or motion has brought the struts this far from neutral; fail with its result if it ends before."""
-        result = self._from_executor(handle.get_result_async)
+        result = self.from_executor(handle.get_result_async)
         wait_until(lambda: self.stroke_m() > stroke_m or result.done(), 30.0, f"motion ({self.feedback})")
         assert not result.done(), result.result()
 
@@ -207,7 +207,7 @@ class Operator:
             called.append(self.now_ns())
             return client.call_async(Trigger.Request())
 
-        self._result(self._from_executor(ask), f"the answer of {name}")
+        self._result(self.from_executor(ask), f"the answer of {name}")
         return called[0]
 
     def arm(self) -> None:
@@ -221,7 +221,7 @@ class Operator:
         self.feedback.clear()
         wait_until(self._roll.server_is_ready, START_LIMIT_S, "the planner")
         goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive, anyway=anyway)
-        return self._send(self._roll, goal, "the answer to roll", self._on_feedback)
+        return self.send(self._roll, goal, "the answer to roll", self._on_feedback)
 
     def _on_feedback(self, message: Any) -> None:
         if not self.feedback or self.feedback[-1] != message.feedback.phase:
@@ -229,14 +229,14 @@ class Operator:
 
     def end(self, handle: Any, limit_s: float = 60.0) -> Any:
         """The result of an action, with its status."""
-        return self._result(self._from_executor(handle.get_result_async), "the end of the action", limit_s)
+        return self._result(self.from_executor(handle.get_result_async), "the end of the action", limit_s)
 
     def roll(self, target: str, source: str = "", primitive: str = "", anyway: bool = False) -> Any:
         """The result of a whole roll."""
         return self.end(self.begin_roll(target, source, primitive, anyway)).result
 
     def cancel(self, handle: Any) -> Any:
-        return self._result(self._from_executor(handle.cancel_goal_async), "the answer to cancel")
+        return self._result(self.from_executor(handle.cancel_goal_async), "the answer to cancel")
 
     def begin_motion(
         self,
@@ -262,10 +262,10 @@ class Operator:
         for _ in range(MOST_SENDS):
             stamp, running = self.node.get_clock().now().nanoseconds - round(age_s * 1e9), threading.Event()
             trajectory.header.stamp.sec, trajectory.header.stamp.nanosec = divmod(stamp, 1_000_000_000)
-            handle = self._send(self._struts, goal, "the answer to execute_struts", partial(_set, running))
+            handle = self.send(self._struts, goal, "the answer to execute_struts", partial(_set, running))
             if once or age_s or not handle.accepted:
                 break
-            result = self._from_executor(handle.get_result_async)
+            result = self.from_executor(handle.get_result_async)
             wait_until(partial(_any, running.is_set, result.done), JUDGING_LIMIT_S, "a verdict")
             if running.is_set() or not may_be_sent_again(result.result().result.reason):
                 break
@@ -275,11 +275,16 @@ class Operator:
         """The result of a whole motion of the struts."""
         return self.end(self.begin_motion(*knots, **options)).result
 
-    def _send(self, client: ActionClient, goal: Any, what: str, on_feedback: Any = None) -> Any:
-        return self._result(self._from_executor(lambda: client.send_goal_async(goal, feedback_callback=on_feedback)), what)
+    def send(self, client: ActionClient, goal: Any, what: str, on_feedback: Any = None) -> Any:
+        """The handle of a goal."""
+        return self._result(self.from_executor(lambda: client.send_goal_async(goal, feedback_callback=on_feedback)), what)
 
-    def _from_executor(self, ask: Callable[[], Any]) -> Any:
-        """Ask in the executor's thread: from another, the answer may come before rclpy knows that somebody waits for it."""
+    def from_executor(self, ask: Callable[[], Any]) -> Any:
+        """The answer to what is asked in the executor's thread.
+
+        From another thread the answer may come before rclpy knows that somebody waits for it. The same holds for whatever is
+        destroyed: the executor may be waiting on it, and would end with InvalidHandle.
+        """
         return self._result(self._executor.create_task(ask), "the executor's attention")
 
     def _result(self, future: Any, what: str, limit_s: float = ANSWER_LIMIT_S) -> Any:
