@@ -196,7 +196,7 @@ def test_what_nobody_should_send_does_not_end_the_stop_button(stage):
     stage.shows("#told", "stopped: in force")
     stage.page.click("#reset")
     stage.shows("#state", "DISARMED")
-    stage.operator.node.destroy_publisher(publisher)
+    stage.operator.in_executor(lambda: stage.operator.node.destroy_publisher(publisher))
 
 
 def test_a_server_that_hangs_is_lost_too(stage):

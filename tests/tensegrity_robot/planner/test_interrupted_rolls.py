@@ -12,6 +12,7 @@ from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
 from tensegrity_lab.stack.client import StackClient
 from tensegrity_lab.stack.processes import wait_until
+from tests.tensegrity_robot.planner.test_traveller import Client
 
 pytestmark = pytest.mark.ros
 NEUTRAL = [0.234] * 6
@@ -20,10 +21,11 @@ LEASE_S = 5.0  # so long that what ends a motion sooner, on a busy machine too, 
 
 @pytest.fixture(scope="module")
 def stack(module_processes):
-    """The whole stack but for the traveller, three times as fast as life."""
+    """The whole stack, three times as fast as life."""
     prototype = module_processes.node("virtual_prototype", "--time-scale", "3", "--perturbation", "0", "--actuators", "ideal")
     module_processes.node("twin")
     module_processes.node("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
+    module_processes.node("traveller")
     module_processes.node("hardware_bridge", lease_silence_s=LEASE_S)
     prototype.says("ready")
     return module_processes
@@ -86,6 +88,19 @@ def test_stop_fails_the_running_roll_and_latches(robot):
     robot.sees(BridgeState.DISARMED)
     robot.arm()
     assert list(robot.bridge.length_m) == pytest.approx(NEUTRAL, abs=1e-4)
+
+
+def test_a_cancelled_travel_holds_the_struts(robot):
+    client = Client(robot)
+    robot.arm()
+    handle = client.begin(1.5, 0.0)
+    wait_until(lambda: any("rolling" in told.phase for told in client.feedback), 30.0, "a roll")
+    wait_until(lambda: abs(robot.sent[-1].length_m[0] - 0.234) > 0.002, 30.0, "a strut that moves")
+    robot.cancel(handle)
+    answer = client.end(handle)
+    assert answer.status == GoalStatus.STATUS_CANCELED
+    assert "cancelled" in answer.result.reason
+    robot.sees(BridgeState.HOLD)
 
 
 def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):

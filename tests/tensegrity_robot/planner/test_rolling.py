@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import importlib
+from functools import partial
 
 import pytest
 from action_msgs.msg import GoalStatus
@@ -92,7 +93,7 @@ def test_a_whole_roll_is_seen_to_land_and_the_next_starts_where_it_ended(robot):
     assert result.face_sequence[0] == source
     assert result.face_sequence[-1] == target
     assert result.gait == f"{result.primitive} {source}→{target}"
-    assert 3.0 < result.duration_s < 60.0
+    assert result.duration_s > 3.0, "of the robot's time; more on a busy machine"
     assert list(robot.bridge.length_m) == pytest.approx(NEUTRAL, abs=1e-4)
     assert robot.twin.face == target
     again = robot.roll(back)
@@ -187,7 +188,7 @@ def test_every_topic_that_a_viewer_asks_for_is_published_with_stamp_and_frame(st
         )
     wait_until(lambda: len(heard) == len(subscriptions), 20.0, f"a message on each of {sorted(wanted)}")
     for subscription in subscriptions:
-        robot.node.destroy_subscription(subscription)
+        robot.in_executor(partial(robot.node.destroy_subscription, subscription))
     for topic, message in heard.items():
         headers = [m.header for m in message.markers] if topic == "/twin/markers" else [message.header]
         assert headers, topic

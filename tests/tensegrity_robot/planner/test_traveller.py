@@ -36,12 +36,9 @@ class Client:
 
     def begin(self, x, y, frame="odom", **more):
         """The goal's handle."""
-        wait_until(self._travels.server_is_ready, 30.0, "the action travel")
         self.feedback = []
         goal = Travel.Goal(goal=pose(x, y, frame), **more)
-        sent = self._travels.send_goal_async(goal, feedback_callback=lambda m: self.feedback.append(m.feedback))
-        wait_until(sent.done, 10.0, "an answer to travel")
-        return sent.result()
+        return self.operator.send(self._travels, goal, "travel", self.feedback.append)
 
     def click(self, x, y, frame="odom", age_s=0.0):
         """A goal on goal_pose, stamped so long ago; None: not at all."""
@@ -53,9 +50,7 @@ class Client:
 
     def end(self, handle):
         """The answer at its end."""
-        future = handle.get_result_async()
-        wait_until(future.done, LIMIT_S, "the end of the travel")
-        return future.result()
+        return self.operator.end(handle, LIMIT_S)
 
 
 def pose(x, y, frame="odom"):
@@ -147,19 +142,3 @@ def test_a_goal_pose_starts_a_travel_another_one_replaces_it_and_cancel_ends_it(
     armed.operator.trigger("stop")
     armed.traveller.says("travel failed: the bridge is in FAULT (stop pressed)", limit_s=30.0)
     armed.operator.trigger("reset")
-
-
-def test_cancel_holds_the_struts(armed):
-    handle = armed.begin(1.5, 0.0)
-    wait_until(lambda: any("rolling" in told.phase for told in armed.feedback), 30.0, "a roll")
-    wait_until(lambda: armed.operator.sent and abs(armed.operator.sent[-1].length_m[0] - 0.234) > 0.002, 30.0, "a strut that moves")
-    cancel = handle.cancel_goal_async()
-    wait_until(cancel.done, 10.0, "an answer to cancel")
-    answer = armed.end(handle)
-    assert answer.status == GoalStatus.STATUS_CANCELED
-    assert "cancelled" in answer.result.reason
-    still = (BridgeState.HOLD, BridgeState.ARMED)  # ARMED: on a busy machine the roll was over before the cancellation came
-    wait_until(lambda: armed.operator.bridge.state in still, 30.0, "the end of the motion")
-    began = armed.operator.now_ns()
-    armed.operator.hears_more(3)
-    assert not armed.operator.wrote_since(began)

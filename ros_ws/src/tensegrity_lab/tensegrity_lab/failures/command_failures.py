@@ -119,8 +119,7 @@ def other_clocks(lab: Rig) -> Evidence:
         operator.sees(BridgeState.HOLD, 10.0)
         evidence.says(operator.bridge.reason, "was silent for more than 1 s")
     finally:
-        operator.node.destroy_timer(timer)
-        operator.node.destroy_publisher(clock)
+        operator.in_executor(lambda: operator.node.destroy_timer(timer) and operator.node.destroy_publisher(clock))
     return evidence
 
 

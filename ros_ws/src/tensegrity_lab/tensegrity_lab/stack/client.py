@@ -233,7 +233,7 @@ class StackClient:
 
     def moves(self, handle: Any, stroke_m: float) -> None:
         """Wait until a roll or motion has brought the struts this far from mid stroke; fail with its result if it ends before."""
-        result = self._begun(handle.get_result_async)
+        result = self.begun(handle.get_result_async)
         self.wait(lambda: self.stroke_m() > stroke_m or result.done(), f"motion ({self.feedback})", 30.0)
         if result.done():
             raise StackError(f"it ended before the struts moved: {result.result()}")
@@ -346,7 +346,7 @@ class StackClient:
             tell(feedback)
 
         goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive, anyway=anyway)
-        return self._send(self._roll, goal, "roll", note)
+        return self.send(self._roll, goal, "roll", note)
 
     def roll(
         self,
@@ -378,7 +378,7 @@ class StackClient:
         goal = Travel.Goal(reach_m=reach_m, most_rolls=most_rolls)
         goal.goal.header.frame_id = "odom"
         goal.goal.pose.position.x, goal.goal.pose.position.y = place_m
-        return self._whole(self._send(ActionClient(self.node, Travel, "travel"), goal, "travel", tell), "travel", limit_s)
+        return self._whole(self.send(ActionClient(self.node, Travel, "travel"), goal, "travel", tell), "travel", limit_s)
 
     def _whole(self, handle: Any, name: str, limit_s: float, watch: Callable[[], None] = lambda: None) -> Any:
         if not handle.accepted:
@@ -393,7 +393,7 @@ class StackClient:
         self, handle: Any, limit_s: float = 60.0, what: str = "the end of the action", watch: Callable[[], None] = lambda: None
     ) -> Any:
         """The result of an action, with its status. Args: watch: called all the while."""
-        answer = self.result(self._begun(handle.get_result_async), what, limit_s, watch)
+        answer = self.result(self.begun(handle.get_result_async), what, limit_s, watch)
         _shown(answer.result)
         return answer
 
@@ -432,10 +432,10 @@ class StackClient:
         self.wait(self._struts.server_is_ready, "the bridge's action execute_struts", START_LIMIT_S)
         for _ in range(MOST_SENDS):
             running.clear()
-            handle = self.result(self._begun(send), "an answer to execute_struts")
+            handle = self.result(self.begun(send), "an answer to execute_struts")
             if once or age_s or not handle.accepted:
                 break
-            ended = self._begun(handle.get_result_async)
+            ended = self.begun(handle.get_result_async)
             self.wait(partial(_any, running.is_set, ended.done), "a verdict on a motion", JUDGING_LIMIT_S)
             if running.is_set() or not may_be_sent_again(ended.result().result.reason):
                 break
@@ -447,10 +447,11 @@ class StackClient:
 
     # ---- calls from the executor's thread ---------------------------------------------------------------------------
 
-    def _send(self, client: ActionClient, goal: Any, name: str, tell: Callable[[Any], None]) -> Any:
+    def send(self, client: ActionClient, goal: Any, name: str, tell: Callable[[Any], None]) -> Any:
+        """The handle of a goal, once its server is there. Args: name: of the action; tell: told the feedback."""
         self.wait(client.server_is_ready, f"the action {name}", START_LIMIT_S)
         send = partial(client.send_goal_async, goal, feedback_callback=lambda message: tell(message.feedback))
-        return self.result(self._begun(send), f"an answer to {name}")
+        return self.result(self.begun(send), f"an answer to {name}")
 
     def _timed(self, call: Callable[[], Any], what: str) -> Any:
         """The answer of a call, whose time is kept in `asked_ns`."""
@@ -459,15 +460,19 @@ class StackClient:
             self.asked_ns = self.now_ns()
             return call()
 
-        return self.result(self._begun(ask), what)
+        return self.result(self.begun(ask), what)
 
-    def _begun(self, call: Callable[[], Any]) -> Any:
+    def begun(self, call: Callable[[], Any]) -> Any:
         """The future of a call's answer: from another thread, that can arrive before rclpy knows that somebody waits for it."""
 
         async def ask() -> Any:
             return await call()
 
         return self._spinner.executor.create_task(ask)
+
+    def in_executor(self, act: Callable[[], Any]) -> Any:
+        """What an act returns. What is destroyed from another thread may be waited on, and would end the executor."""
+        return self.result(self._spinner.executor.create_task(act), "the executor's attention")
 
     def result(self, future: Any, what: str, limit_s: float = ANSWER_LIMIT_S, watch: Callable[[], None] = lambda: None) -> Any:
         """What a future holds at last. Args: watch: called all the while."""
