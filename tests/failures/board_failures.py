@@ -18,9 +18,9 @@ from hardware_bridge.prototype_client.observation import Observation
 from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.structure.topology import STRUTS as STRUT_ENDS
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.failures.rig import MID, Rig, Setup, stretched
-from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.stack.processes import wait_until
+from tests.failures.rig import MID, Rig, Setup, stretched
+from tests.failures.scenario import Evidence, expect
 
 DEATHS = 2
 SPEED_M_S = 0.014

@@ -16,10 +16,10 @@ from rosgraph_msgs.msg import Clock as ClockMessage
 
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.link_failures import last_line
-from tensegrity_lab.failures.rig import MID, STRUTS, Rig, percentile, stretched
-from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.stack.processes import wait_until
+from tests.failures.link_failures import last_line
+from tests.failures.rig import MID, STRUTS, Rig, percentile, stretched
+from tests.failures.scenario import Evidence, expect
 
 STOP_LIMIT_MS = 50.0
 STOPS = 10

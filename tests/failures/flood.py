@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Somebody who says too much: one message as fast as the computer can, until the process is ended, or one motion of many points.
 
-python -m tensegrity_lab.failures.flood bridge/lease tensegrity_interfaces/msg/LeaseProof
-python -m tensegrity_lab.failures.flood twin/markers visualization_msgs/msg/MarkerArray 100000     # bytes of text in each
-python -m tensegrity_lab.failures.flood execute_struts 300000                                       # points; says the reason
+python tests/failures/flood.py bridge/lease tensegrity_interfaces/msg/LeaseProof
+python tests/failures/flood.py twin/markers visualization_msgs/msg/MarkerArray 100000     # bytes of text in each
+python tests/failures/flood.py execute_struts 300000                                       # points; says the reason
 """
 
 from __future__ import annotations

@@ -12,9 +12,9 @@ import serial
 
 from hardware_bridge.prototype_client.fault_client import FROM_BOARD, TO_BOARD
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.failures.rig import MID, ROLLING, STRUTS, Rig, stretched
-from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.stack.processes import Process, wait_until
+from tests.failures.rig import MID, ROLLING, STRUTS, Rig, stretched
+from tests.failures.scenario import Evidence, expect
 
 START_LIMIT_S = 20.0
 LOST_LIMIT_S = 10.0

@@ -6,8 +6,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 
-from tensegrity_lab.failures.runner import Outcome
 from tensegrity_lab.reports.markdown import table
+from tests.failures.runner import Outcome
 
 _HEAD = """# Failures
 

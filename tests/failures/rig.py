@@ -15,9 +15,9 @@ from hardware_bridge.prototype_client.fault_client import inject
 from hardware_bridge.prototype_client.handshake import read_handshake
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
-from tensegrity_lab.failures.scenario import expect
 from tensegrity_lab.stack.client import StackClient
 from tensegrity_lab.stack.processes import START_LIMIT_S, STOP_LIMIT_S, IsolatedStack, Process, wait_until
+from tests.failures.scenario import expect
 
 MID = (0.234,) * 6
 T = TypeVar("T")

@@ -18,9 +18,9 @@ from hardware_bridge.calibration.pulse_map import load_calibration
 from sim_core.names import STRUT_NAMES
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.rig import MID, STRUTS, Rig
-from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.stack.processes import wait_until
+from tests.failures.rig import MID, STRUTS, Rig
+from tests.failures.scenario import Evidence, expect
 
 DAMAGE = 4096
 """Bytes of zeros, a page of a disk."""

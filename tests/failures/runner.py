@@ -9,11 +9,11 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from tensegrity_lab.failures.rig import Rig, scratch
-from tensegrity_lab.failures.scenario import Evidence, Scenario
-from tensegrity_lab.failures.table import RUNNING_ORDER, scenario
 from tensegrity_lab.stack.ros_domain import private_domain
 from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tests.failures.rig import Rig, scratch
+from tests.failures.scenario import Evidence, Scenario
+from tests.failures.table import RUNNING_ORDER, scenario
 
 
 @dataclass(frozen=True)

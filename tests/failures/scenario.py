@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tensegrity_lab.failures.rig import Rig
+    from tests.failures.rig import Rig
 
 
 @dataclass

@@ -13,10 +13,10 @@ from pathlib import Path
 from hardware_bridge.recording.bag_reader import Session, read_session
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_lab.bags.replay import ReplayError, model_of, require_same_model
-from tensegrity_lab.failures.link_failures import last_line
-from tensegrity_lab.failures.rig import ROLLING, STRUTS, Rig, stretched
-from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.stack.processes import wait_until
+from tests.failures.link_failures import last_line
+from tests.failures.rig import ROLLING, STRUTS, Rig, stretched
+from tests.failures.scenario import Evidence, expect
 
 ROOM_BYTES = 100_000
 

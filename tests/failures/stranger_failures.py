@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -22,10 +23,10 @@ from rclpy.signals import SignalHandlerOptions
 from sim_core.structure.topology import NEIGHBOURS
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.failures.rig import ROLLING, STRUTS, Rig, stretched
-from tensegrity_lab.failures.scenario import Evidence, expect
 from tensegrity_lab.stack.processes import Process, wait_until
 from tensegrity_robot.ros import qos
+from tests.failures.rig import ROLLING, STRUTS, Rig, stretched
+from tests.failures.scenario import Evidence, expect
 
 REAL_TIME = replace(STRUTS, time_scale=1.0)
 """Frames every 50 ms, as a real robot gets them."""
@@ -54,7 +55,7 @@ FLOODS: dict[str, tuple[str, ...]] = {
 @contextmanager
 def flood(lab: Rig, *words: str) -> Iterator[Process]:
     """Somebody says too much while the block lasts."""
-    process = lab.processes.start("flood", [sys.executable, "-m", "tensegrity_lab.failures.flood", *words])
+    process = lab.processes.start("flood", [sys.executable, str(Path(__file__).with_name("flood.py")), *words])
     try:
         process.says("flooding")
         yield process

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from tensegrity_lab.failures import (
+from tests.failures import (
     board_failures,
     command_failures,
     link_failures,
@@ -11,7 +11,7 @@ from tensegrity_lab.failures import (
     session_failures,
     stranger_failures,
 )
-from tensegrity_lab.failures.scenario import Scenario
+from tests.failures.scenario import Scenario
 
 SCENARIOS: tuple[Scenario, ...] = (
     Scenario(

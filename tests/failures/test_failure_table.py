@@ -7,11 +7,11 @@ import pytest
 import typer
 
 from sixstrut_cli.commands.develop.faults import ROWS, _numbers
-from tensegrity_lab.failures.page import as_markdown, without_folders
-from tensegrity_lab.failures.runner import Outcome
-from tensegrity_lab.failures.scenario import Evidence, expect
-from tensegrity_lab.failures.table import RUNNING_ORDER, SCENARIOS
-from tests.tensegrity_lab.failures.documented import page_rows, shape_of
+from tests.failures.documented import page_rows, shape_of
+from tests.failures.page import as_markdown, without_folders
+from tests.failures.runner import Outcome
+from tests.failures.scenario import Evidence, expect
+from tests.failures.table import RUNNING_ORDER, SCENARIOS
 
 
 def test_every_row_is_there_once_and_runs_once():

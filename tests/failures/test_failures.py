@@ -3,20 +3,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 
-from tensegrity_lab.failures.rig import Rig, scratch
-from tensegrity_lab.failures.table import RUNNING_ORDER, SCENARIOS, scenario
-from tests.tensegrity_lab.failures.documented import DOCS_PAGE, page_rows, shape_of
+from tensegrity_lab.stack.ros_domain import free_domain
+from tests.failures.documented import DOCS_PAGE, page_rows, shape_of
+from tests.failures.rig import Rig, scratch
+from tests.failures.table import RUNNING_ORDER, SCENARIOS, scenario
 
 pytestmark = pytest.mark.ros
 
 
 @pytest.fixture(scope="module")
-def lab(domain):
-    from pathlib import Path
-
-    with scratch() as folder:
+def lab():
+    with free_domain() as domain, scratch() as folder:
         lab = Rig(Path(folder), domain)
         yield lab
         lab.close()

@@ -17,9 +17,9 @@ from sim_core.structure.topology import NEIGHBOURS
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
 from tensegrity_lab.errors import StackError
-from tensegrity_lab.failures.rig import Rig, Setup
 from tensegrity_lab.stack.processes import wait_until
-from tests.tensegrity_lab.failures.documented import shape_of
+from tests.failures.documented import shape_of
+from tests.failures.rig import Rig, Setup
 
 pytestmark = [pytest.mark.soak, pytest.mark.ros, pytest.mark.timeout(3600)]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import pytest
 
-from tensegrity_lab.failures.command_failures import STOP_LIMIT_MS, rehearsing, stop_times_ms
-from tensegrity_lab.failures.rig import STRUTS, percentile
+from tests.failures.command_failures import STOP_LIMIT_MS, rehearsing, stop_times_ms
+from tests.failures.rig import STRUTS, percentile
 
 pytestmark = [pytest.mark.soak, pytest.mark.ros, pytest.mark.timeout(3600)]
 

@@ -4,7 +4,10 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
+import sys
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -31,6 +34,10 @@ def command(
     sixstrut faults
     sixstrut faults --only 3,14
     """
+    root = Path(os.environ.get("SIXSTRUT_ROOT", "."))
+    if not (root / "tests" / "failures").is_dir():
+        raise typer.BadParameter("the failures are tests, in the repository: run ./sixstrut faults there")
+    sys.path.insert(0, str(root))
     numbers = _numbers(only)
     if page and numbers != set(ROWS):
         raise typer.BadParameter("a page needs all rows: leave --only out")
@@ -41,9 +48,9 @@ def command(
     from rich.table import Table
 
     from sim_core.rolling.warm_up import Stage
-    from tensegrity_lab.failures.page import as_markdown, without_folders
-    from tensegrity_lab.failures.runner import run
     from tensegrity_lab.terminal.compile_notice import compile_first
+    from tests.failures.page import as_markdown, without_folders
+    from tests.failures.runner import run
 
     compile_first(Stage.ROBOT, Stage.BATCH)
     console = Console(stderr=True)
