@@ -14,6 +14,9 @@ from tests.failures.table import RUNNING_ORDER, SCENARIOS, scenario
 
 pytestmark = pytest.mark.ros
 
+QUICK = {1, 4, 9, 21}
+ROWS = [number if number in QUICK else pytest.param(number, marks=pytest.mark.slow) for number in RUNNING_ORDER]
+
 
 @pytest.fixture(scope="module")
 def lab():
@@ -29,7 +32,7 @@ def page(pytestconfig):
     return page_rows((pytestconfig.rootpath / DOCS_PAGE).read_text(encoding="utf-8"))
 
 
-@pytest.mark.parametrize("number", RUNNING_ORDER)
+@pytest.mark.parametrize("number", ROWS)
 def test_it_is_survived_and_told_as_documented(lab, page, number):
     try:
         evidence = scenario(number).run(lab)

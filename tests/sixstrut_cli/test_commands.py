@@ -58,6 +58,7 @@ def test_a_place_may_be_anywhere_on_the_floor(place):
     assert (x + 0.2) ** 2 + (y - 0.1) ** 2 < 0.2**2
 
 
+@pytest.mark.slow
 def test_a_search_that_was_interrupted_is_gone_on_with_and_leaves_no_state(tmp_path):
     path = tmp_path / "few.yaml"
     words = ("search", "--class", "TO5-TC6", "--keep", "2", "--generations", "2", "-o", str(path), "--json")

@@ -17,7 +17,7 @@ from tensegrity_lab.stack.processes import wait_until
 from tensegrity_robot.ros import qos
 from tests.tensegrity_console.conftest import TOKEN, until
 
-pytestmark = [pytest.mark.ros, pytest.mark.timeout(500)]
+pytestmark = [pytest.mark.slow, pytest.mark.ros, pytest.mark.timeout(500)]
 SIZE = {"width": 1280, "height": 800}
 LIMIT_MS = 90_000
 PICTURES = os.environ.get("SIXSTRUT_PICTURES", "")

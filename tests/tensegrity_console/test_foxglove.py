@@ -218,6 +218,7 @@ def test_a_lease_leaves_on_no_topic_and_in_no_answer(world, opened):
     assert "/bridge/lease" not in viewer.channels
 
 
+@pytest.mark.slow
 def test_an_app_that_reads_nothing_is_let_go_and_the_others_go_on(world, opened, monkeypatch):
     """Without bounds the server would keep for it whatever is published."""
     monkeypatch.setattr("tensegrity_console.access.PING_S", 1.0)

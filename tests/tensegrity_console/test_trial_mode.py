@@ -16,6 +16,7 @@ VIRTUAL = ("--virtual", "--time-scale", "3")
 """Slowly: the browser draws in software, and a prototype whose orders come late makes a trial void."""
 
 
+@pytest.mark.slow
 def test_a_person_judges_in_the_browser(tmp_path, compiled, chromium):
     words = ("trial", str(tmp_path / "s"), "--experimenter", "Ada", "--by-hand", *PLAN, *VIRTUAL)
     person = Terminal(*words, folder=tmp_path)

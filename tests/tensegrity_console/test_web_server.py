@@ -232,6 +232,7 @@ def test_too_many_orders_are_left_out_but_never_a_stop():
         assert orders.asked[-1] == {"do": "stop"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("pings_s", [1.0, 30.0])
 def test_a_page_that_does_not_read_is_let_go(monkeypatch, pings_s):
     """Because it answers no ping; and, long before that, because too much waits for it."""

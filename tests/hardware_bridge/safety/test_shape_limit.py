@@ -46,6 +46,7 @@ def out(policy_mm: tuple[int, ...]) -> Trajectory:
     return Trajectory(times, [MID_M + np.sign(strokes) * np.minimum(abs(strokes), SPEED_M_S * time_s) for time_s in times])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", sorted(path.stem for path in libraries_folder().glob("*.yaml")))
 def test_every_shipped_policy_is_accepted_and_so_is_the_way_back(judging: Rules, library: str) -> None:
     for primitive in load_library(library).primitives:

@@ -12,6 +12,7 @@ from sim_core.structure.parameters import load_prototype
 from sim_core.uncertainty.seeded_perturbation import perturb
 from sim_core.structure.policy import lengths_of
 from sim_core.dynamics.robot import Robot
+import pytest
 model = build_model(load_prototype())
 robot = Robot.resting_on(perturb(model, 0.1, 3), "TO5")
 robot.set_targets(lengths_of(model.prototype, load_library("robust").gaits("TO5", "TC6")[0].policy))
@@ -33,5 +34,6 @@ def bits(extra):
     return run.stdout.split()
 
 
+@pytest.mark.slow
 def test_model_and_motion_have_the_same_bits_without_vector_units():
     assert bits(PLAIN) == bits({})

@@ -89,6 +89,7 @@ def test_it_gives_up_after_misses_in_a_row_and_says_so(floor, library):
     assert "cm from the goal" in end.reason
 
 
+@pytest.mark.slow
 def test_on_a_slope_it_arrives_for_all_its_misses_and_learns_where_downhill_is(floor, library):
     rng = np.random.default_rng(1)
 

@@ -34,6 +34,7 @@ def test_neutral_is_permitted_and_under_even_load(judge):
     assert shape.forces_n.max() < 0.0, "struts are pressed"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("library", sorted(path.stem for path in libraries_folder().glob("*.yaml")))
 def test_every_shipped_policy_is_permitted_on_all_its_way_there_and_back(judge, library):
     for primitive in load_library(library).primitives:

@@ -48,6 +48,7 @@ def fresh(tmp_path_factory):
     return parent
 
 
+@pytest.mark.slow
 def test_a_fresh_clone_compiles_once_and_its_second_run_nothing(fresh):
     warm_before, done, told, own_s, used, warm = run(fresh)
     assert not warm_before

@@ -58,6 +58,7 @@ def test_a_state_of_another_search_is_refused(prototype):
         Search(prototype, replace(QUICK, seed=2), state=json.loads(json.dumps(state)))
 
 
+@pytest.mark.slow
 def test_training_ranks_by_success_on_the_training_prototypes(prototype):
     training = (Training(Law(0.1), 8, 501), Training(Law(0.05, incline_deg=4.0), 8, 502))
     library = search(prototype, replace(QUICK, keep=3, generations=2, training=training, choice=training, name="tried"))

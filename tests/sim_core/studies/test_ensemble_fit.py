@@ -47,6 +47,7 @@ def as_posterior(model, found, **more):
     )
 
 
+@pytest.mark.slow
 def test_a_fit_finds_the_side_that_the_floor_is_tilted_to(fitted):
     found, seen = fitted
     assert 0 < sum(trial.won for trial in seen) < len(seen), "the hidden floor is to matter"

@@ -36,6 +36,7 @@ def play(domain, *words):
     return subprocess.run(command, capture_output=True, text=True, timeout=100, check=False, env=environ)
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_the_twin_that_follows_ends_with_the_bits_of_the_replay():
     result = play(102, str(EXAMPLE), "--rate", "4")

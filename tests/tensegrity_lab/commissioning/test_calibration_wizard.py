@@ -82,6 +82,7 @@ def strut(person, name):
     person.press(RIGHT, LEFT, ENTER)
 
 
+@pytest.mark.slow
 def test_a_person_walks_through_six_struts_leaves_and_comes_back(sit_down, tmp_path):
     person = sit_down(*WORDS[:-2])
     person.says("Name of this robot, as it shall be known and had best be written on it:")

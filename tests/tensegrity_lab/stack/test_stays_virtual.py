@@ -123,6 +123,7 @@ def interrupted(command: Process) -> None:
     command.ends(60.0)
 
 
+@pytest.mark.slow
 def test_a_demo(lab: Lab) -> None:
     command = lab.beside.command("demo", "--rolls", "1", "--bags", str(lab.folder / "demo"))
     armed(command, lab.folder / "demo")
@@ -133,6 +134,7 @@ def test_a_demo(lab: Lab) -> None:
     lab.was_left_alone()
 
 
+@pytest.mark.slow
 def test_a_session_of_virtual_trials(lab: Lab) -> None:
     folder = lab.folder / "trial"
     plan = ("--primitives", "1", "--gaits", "TC6-TO5", "--virtual", "--time-scale", "4")
@@ -144,6 +146,7 @@ def test_a_session_of_virtual_trials(lab: Lab) -> None:
     lab.was_left_alone()
 
 
+@pytest.mark.slow
 def test_a_travel(lab: Lab) -> None:
     command = lab.beside.command("travel", "0.3,0", "-o", str(lab.folder / "travel"))
     armed(command, lab.folder / "travel")
@@ -153,6 +156,7 @@ def test_a_travel(lab: Lab) -> None:
     lab.was_left_alone()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [("console", "console: http"), ("foxglove", "Foxglove: open")])
 def test_what_a_person_arms_in_a_browser(lab: Lab, words: tuple[str, str]) -> None:
     """Arming is asked of the planner, as page and app do it; in the printed domain, which says that `ros2` joins there, too."""

@@ -16,6 +16,7 @@ from tests.sixstrut_cli.test_commands import sixstrut
 SMALL = ("--primitives", "1,21", "--gaits", "reference", "--prototypes", "1", "--perturbation", "0.1")
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.timeout(240)
 def test_a_tiny_campaign_computes_runs_a_sample_on_the_stack_and_reports(tmp_path, monkeypatch):

@@ -26,6 +26,7 @@ def test_the_shipped_number_is_what_is_measured(name):
     assert steepest_deg(load_prototype(), reference(name), LOADED) == load_climbs(LIBRARY).steepest_deg[name]
 
 
+@pytest.mark.slow
 def test_a_mirrored_gait_climbs_as_steeply_and_ideal_actuators_climb_no_less():
     prototype, gait = load_prototype(), reference("P12")
     mirrored = gait_of(gait.primitive, "TC2", "TO1")
@@ -50,6 +51,7 @@ def test_what_is_not_there_is_one_line_that_names_it(words):
     assert len(result.stderr.strip().splitlines()) == 1
 
 
+@pytest.mark.slow
 def test_the_command_tells_scripts_and_people_and_writes_the_file(tmp_path):
     from dataclasses import replace
 

@@ -42,6 +42,7 @@ def exact(tmp_path_factory):
     return finished(process), process.returncode, folder
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_it_rolls_three_times_by_three_gaits_one_of_them_mirrored(exact):
     printed, code, _ = exact
@@ -55,6 +56,7 @@ def test_it_rolls_three_times_by_three_gaits_one_of_them_mirrored(exact):
     assert any(row["mirror"] for row in rows)
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_it_leaves_a_bag_that_replays_to_the_live_bits_and_a_picture(exact):
     printed, _, folder = exact
@@ -69,6 +71,7 @@ def test_it_leaves_a_bag_that_replays_to_the_live_bits_and_a_picture(exact):
     assert result.digest[:16] in printed
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.timeout(240)
 def test_twin_and_prototype_coincide_without_perturbation_and_part_at_ten_percent(tmp_path):
@@ -90,7 +93,7 @@ def test_twin_and_prototype_coincide_without_perturbation_and_part_at_ten_percen
 
 
 @pytest.mark.ros
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_interrupted_in_mid_roll_it_holds_the_struts_closes_the_bag_and_exits_0(number, tmp_path):
     process = demo(tmp_path)
     lines = []

@@ -64,6 +64,7 @@ def test_odds_of_this_robot_fall_where_it_fails_and_stay_elsewhere(session, tmp_
     assert route["rolls"][0]["primitive"] != "P1"
 
 
+@pytest.mark.slow
 def test_a_fit_writes_an_ensemble_that_rehearsals_read(session, tmp_path, model):
     path = tmp_path / "ours.yaml"
     result = sixstrut("fit", str(session.path), "--ensemble", str(path), "--members", "4", "--rounds", "0", "--seed", "3", "--json")
@@ -99,6 +100,7 @@ def test_sessions_of_another_model_are_refused(tmp_path, model):
         read_tries([other.path], model)
 
 
+@pytest.mark.slow
 def test_what_does_not_belong_together_is_refused(session, tmp_path, model, monkeypatch):
     monkeypatch.setenv("SIXSTRUT_BAGS", str(tmp_path / "empty"))
     with pytest.raises(SessionError, match="given twice"):

@@ -3,6 +3,8 @@
 
 from dataclasses import replace
 
+import pytest
+
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import load_library
 from sim_core.structure.parameters import load_prototype
@@ -15,6 +17,7 @@ from tensegrity_lab.studies.fit_page import page_of
 SMALL = Setting(robots=1, trials=12, primitives=1, members=8, rounds=1, searched=0)
 
 
+@pytest.mark.slow
 def test_a_demonstration_counts_what_the_hidden_robot_does():
     model, library = build_model(load_prototype()), load_library("improved")
     titles = []

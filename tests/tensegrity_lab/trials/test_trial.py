@@ -73,6 +73,7 @@ def bags_of(folder: Path) -> list[Path]:
     return sorted((folder / "bags").glob("*.mcap"))
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.timeout(600)
 def test_killed_at_random_moments_and_gone_on_with_no_trial_is_lost_or_repeated(tmp_path):
@@ -158,6 +159,7 @@ def replays_trial_by_trial(folder, ended):
     assert "trial 99 is not in this bag: it holds trials" in missing.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.timeout(600)
 def test_a_person_judges_by_one_key_undoes_leaves_and_comes_back(tmp_path):
@@ -242,6 +244,7 @@ def test_a_folder_of_something_else_is_left_as_it_is(tmp_path):
     assert [path.name for path in tmp_path.iterdir()] == ["letter.txt"]
 
 
+@pytest.mark.slow
 def test_a_session_that_runs_is_not_run_twice(tmp_path):
     (tmp_path / "s").mkdir()
     with (tmp_path / "s" / "lock").open("w") as lock:

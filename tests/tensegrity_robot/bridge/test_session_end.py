@@ -25,7 +25,7 @@ from sim_core.twin.follower import Follower, Observed, Sent
 from tensegrity_interfaces.srv import Arm
 from tensegrity_lab.stack.processes import wait_until
 
-pytestmark = pytest.mark.ros
+pytestmark = [pytest.mark.ros, pytest.mark.slow]
 END_OF_LISTENING = b"end of listening"
 
 

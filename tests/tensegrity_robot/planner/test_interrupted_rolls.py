@@ -103,6 +103,7 @@ def test_a_cancelled_travel_holds_the_struts(robot):
     robot.sees(BridgeState.HOLD)
 
 
+@pytest.mark.slow
 def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):
     robot.arm()
     handle = robot.begin_roll("TO5" if robot.observed.face == "TC6" else "TC6")
@@ -116,6 +117,7 @@ def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):
     wait_until(lambda: not robot.bridge.lease_holder, 20.0, "the end of a lease that nobody gave back")
 
 
+@pytest.mark.slow
 def test_a_roll_of_a_bridge_that_died_ends_with_the_reason(stack, robot):
     robot.arm()
     handle = robot.begin_roll("TO5" if robot.observed.face == "TC6" else "TC6")

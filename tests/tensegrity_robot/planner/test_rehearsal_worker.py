@@ -31,6 +31,7 @@ def robot(processes, domain):
     operator.close()
 
 
+@pytest.mark.slow
 def test_an_unlikely_roll_is_refused_with_its_odds_and_rolls_only_if_told_to(robot):
     robot.arm()
     robot.sees(BridgeState.ARMED)

@@ -104,6 +104,7 @@ def test_an_impossible_goal_is_rejected_with_the_reason_in_the_log(client, goal,
     client.traveller.says(why, limit_s=5.0)
 
 
+@pytest.mark.slow
 def test_it_rolls_to_a_place_and_tells_how(armed):
     answer = armed.end(armed.begin(0.15, 0.05))
     result = answer.result

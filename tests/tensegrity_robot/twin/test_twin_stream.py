@@ -76,6 +76,7 @@ def bridge(domain):
     bridge.close()
 
 
+@pytest.mark.slow
 def test_a_twin_follows_its_bridge_through_forged_events_and_ends_when_told(processes, bridge):
     twin = processes.node("twin")
     wait_until(lambda: bridge.follows(0), 30.0, "a twin that follows")
