@@ -5,6 +5,8 @@ import os
 import subprocess
 import sys
 
+import pytest
+
 PROGRAM = """
 from sim_core.gaits.library import load_library
 from sim_core.dynamics.model import build_model
