@@ -5,13 +5,15 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
+import typer
 
-from sixstrut_cli import app
+from sixstrut_cli import app, registry
 from sixstrut_cli.reference import pages
 
 ROOT = Path(__file__).parents[2]
@@ -67,6 +69,30 @@ def test_every_link_leads_somewhere():
             if not there.exists() or (anchor and there.suffix == ".md" and anchor not in anchors(there)):
                 lost.append(f"{page.relative_to(ROOT)}: {target}")
     assert not lost, "\n".join(lost)
+
+
+def printed_commands() -> list[str]:
+    """Every command line of ours in a block or between backticks of a page that people wrote, without its comment."""
+    lines = []
+    for page in (page for page in markdown_files() if page.name != "CHANGELOG.md" and "reference" not in page.parts):
+        text = page.read_text(encoding="utf-8")
+        blocks = re.findall(r"^ *```\w*\n(.*?)^ *```$", text, re.MULTILINE | re.DOTALL)
+        lines += [line.strip() for block in blocks for line in block.splitlines()] + re.findall(r"`(\./sixstrut [^`]+)`", text)
+    return sorted({re.sub(r"\s+#.*|…|\)\".*", "", line[line.index("./sixstrut") :]) for line in lines if "./sixstrut " in line})
+
+
+@pytest.mark.parametrize("line", printed_commands())
+def test_a_printed_command_is_understood(line):
+    """Its options and arguments are there; it is not run. In a sentence it may be without its arguments."""
+    values = {"N": "1", "S": "0.1", "D": "3", "LIBRARY": "robust", "PLAN": "robust"}
+    name, *words = (values.get(word, f" {word}" if re.fullmatch(r"-[\d.,-]+", word) else word) for word in shlex.split(line)[1:])
+    modules = {entry.name: entry.module for entry in registry.entries()}
+    if name not in ("--help", "NAME") and modules[name] is not None and "--help" not in words:
+        try:
+            typer.main.get_command(app.build([name])).commands[name].make_context(name, words)
+        except typer.BadParameter as error:
+            if type(error).__name__ != "MissingParameter":
+                raise
 
 
 def test_every_page_is_in_the_index():

@@ -89,7 +89,7 @@ def _searched(cases: Sequence[Case]) -> list[str]:
         "",
         "## A library for this robot",
         "",
-        "The search that makes `robust`, on robots drawn from the fitted ensemble instead (`./sixstrut search robust --ensemble`).",
+        "The search that makes `robust`, on robots of the fitted ensemble instead (`./sixstrut search robust --ensemble FILE`).",
         "Done for those of the robots that the shipped library does worst on; all gaits of both libraries are then tried on them:",
         "",
         table(("robot", "shipped `robust`", "searched on the fitted ensemble"), rows, "rrr"),
