@@ -7,7 +7,8 @@ a move, and on each of them the first move of a channel after power-up or releas
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from abc import ABC, abstractmethod
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -153,3 +154,35 @@ def check_pulses(pulses_us: Sequence[int], channels: Sequence[int], quirks: Quir
 
 MAX_SERVOS = 6
 """Servos of one robot, and so the most in one frame."""
+
+
+class TimedBoard(ABC):
+    """What boards share that are told how long a move lasts, and know themselves where their outputs are."""
+
+    name: str
+    quirks: Quirks
+
+    @property
+    def spec(self) -> str:
+        """The name: it has no variants."""
+        return self.name
+
+    def encode_move(
+        self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int, from_us: Sequence[float] = ()
+    ) -> bytes:
+        """See `Board`; `from_us` does not matter."""
+        check_pulses(pulses_us, channels, self.quirks)
+        check_range("duration_ms", duration_ms, self.quirks.duration_ms)
+        return self.frame(dict(zip(channels, pulses_us, strict=True)), duration_ms)
+
+    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
+        """A move to where the servos are."""
+        return self.encode_move(pulses_us, channels, duration_ms)
+
+    def move_time_s(self, way_us: float, duration_ms: int) -> float:
+        """As told, whatever the way."""
+        return duration_ms * 1e-3
+
+    @abstractmethod
+    def frame(self, pulses_us: Mapping[int, int], duration_ms: int) -> bytes:
+        """The bytes of a move of sound values: channel -> pulse in [us]."""

@@ -60,7 +60,7 @@ class StrutCalibration:
         exact = self.pulse_at_zero_us + self.trim_us + self.direction * self.us_per_mm * stroke_m * 1e3
         return math.floor(exact + 0.5)
 
-    def pulse_to_stroke(self, pulse_us: int) -> float:
+    def pulse_to_stroke(self, pulse_us: float) -> float:
         """The stroke in [m] that a pulse stands for."""
         return (pulse_us - self.pulse_at_zero_us - self.trim_us) / (self.direction * self.us_per_mm) * 1e-3
 

@@ -70,6 +70,10 @@ class Recorder:
     Attributes:
         path: the log.
         journal: the growing file.
+        fault: what went wrong first; empty if nothing did.
+        messages_written: messages handed to the operating system: these survive the death of the process.
+        messages_lost: messages that a fault kept out of the log.
+        most_waiting: largest number of entries that ever waited.
 
     Raises:
         RecorderError: the file exists already, or the folder cannot be written.
@@ -95,8 +99,8 @@ class Recorder:
         self._channels: dict[str, int] = {}  # this and the next two are the writing thread's
         self._sequences: Counter[str] = Counter()
         self._declared: list[Schema | Channel] = []
-        self._fault = ""
-        self._written = self._lost = self._most_waiting = 0
+        self.fault = ""
+        self.messages_written = self.messages_lost = self.most_waiting = 0
         self._recording: Recording | None = None
         self._closed = False
         if self.path.exists():
@@ -116,32 +120,10 @@ class Recorder:
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
-    # ---- state ------------------------------------------------------------------------------------------------------
-
-    @property
-    def fault(self) -> str:
-        """What went wrong first; empty if nothing did."""
-        return self._fault
-
-    @property
-    def messages_written(self) -> int:
-        """Messages handed to the operating system: these survive the death of the process."""
-        return self._written
-
-    @property
-    def messages_lost(self) -> int:
-        """Messages that a fault kept out of the log."""
-        return self._lost
-
     @property
     def waiting(self) -> int:
         """Entries that wait for the disk now; `queue_size` of them is a fault."""
         return self._queue.qsize()
-
-    @property
-    def most_waiting(self) -> int:
-        """Largest number of entries that ever waited."""
-        return self._most_waiting
 
     # ---- writing ----------------------------------------------------------------------------------------------------
 
@@ -229,7 +211,7 @@ class Recorder:
                     raise RecorderError(str(self.path), "is closed")
                 try:
                     self._queue.put_nowait(item)
-                    self._most_waiting = max(self._most_waiting, self._queue.qsize())
+                    self.most_waiting = max(self.most_waiting, self._queue.qsize())
                 except queue.Full:
                     self._fail(f"more than {self._queue.maxsize} messages wait for the disk; check disk and load")
                     self._raise_fault()
@@ -239,16 +221,16 @@ class Recorder:
 
     def _count_lost(self, item: _Item) -> None:
         with self._lock:
-            self._lost += item.is_message
+            self.messages_lost += item.is_message
 
     def _raise_fault(self) -> None:
-        if self._fault:
-            raise RecorderError(str(self.path), self._fault)
+        if self.fault:
+            raise RecorderError(str(self.path), self.fault)
 
     def _fail(self, problem: str) -> None:
-        if self._fault:
+        if self.fault:
             return
-        self._fault = problem
+        self.fault = problem
         try:
             self._on_fault(problem)
         except Exception:
@@ -285,8 +267,9 @@ class Recorder:
         self._checked.seal()
         self._stream.flush()
         if item.is_message:
-            self._written += 1
-            if self._written == DECLARED_FIRST or self._written % DECLARED_EVERY == 0:  # damage at one place takes no topic away
+            self.messages_written += 1
+            if self.messages_written == DECLARED_FIRST or self.messages_written % DECLARED_EVERY == 0:
+                # again, so that damage at one place takes no topic away
                 self._checked.write_records(self._declared)
                 self._checked.seal()
 

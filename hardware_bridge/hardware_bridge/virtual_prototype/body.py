@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -13,38 +11,10 @@ from sim_core.dynamics.actuators import ActuatorParameters, following
 from sim_core.twin.rest_detector import OBSERVER_HOLD_S, RestWatch
 
 
-class Body(Protocol):
-    """What the board's outputs drive. Time is the body's own, in [s], from 0."""
-
-    @property
-    def time_s(self) -> float:
-        """How far it has come."""
-        ...
-
-    def set_targets(self, lengths_m: NDArray[np.float64]) -> None:
-        """Six rest lengths in [m] for the actuators to drive to; NaN leaves a strut as it is."""
-        ...
-
-    def advance_to(self, time_s: float) -> None:
-        """Steps to the last whole step not after `time_s`."""
-        ...
-
-    def observe(self) -> Observation:
-        """What can be seen now."""
-        ...
-
-    @property
-    def supply_v(self) -> float | None:
-        """Voltage of the servo supply; None: not modelled."""
-        ...
-
-    def take_brown_out(self) -> bool:
-        """Whether the supply has been too low for the board since this was last asked."""
-        ...
-
-
 class SimulatedBody:
     """A robot of `sim_core` with perturbed parameters, drawn here and told to nobody; its actuators are ideal.
+
+    It is what the board's outputs drive. Time is its own, in [s], from 0.
 
     Args:
         face: it rests on.
@@ -96,14 +66,14 @@ class SimulatedBody:
         return self._robot.step - self._first_step
 
     def set_targets(self, lengths_m: NDArray[np.float64]) -> None:
-        """See `Body`."""
+        """Six rest lengths in [m] for the actuators to drive to; NaN leaves a strut as it is."""
         targets_m = np.where(np.isnan(lengths_m), self._targets_m, lengths_m)
         if not np.array_equal(targets_m, self._targets_m):
             self._targets_m = targets_m
             self._robot.set_targets(targets_m)
 
     def advance_to(self, time_s: float) -> None:
-        """See `Body`."""
+        """Steps to the last whole step not after `time_s`."""
         steps = int(time_s * self._steps_per_second) - self._steps
         if steps > 0:
             self._step(steps)
@@ -114,15 +84,15 @@ class SimulatedBody:
 
     @property
     def supply_v(self) -> float | None:
-        """See `Body`."""
+        """Voltage of the servo supply; None: not modelled."""
         return None
 
     def take_brown_out(self) -> bool:
-        """See `Body`."""
+        """Whether the supply has been too low for the board since this was last asked."""
         return False
 
     def observe(self) -> Observation:
-        """See `Body`."""
+        """What can be seen now."""
         footing = self._robot.footing()
         return Observation(
             robot_time_ns=self._steps * 1_000_000_000 // self._steps_per_second,

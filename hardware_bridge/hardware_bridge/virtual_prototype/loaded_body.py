@@ -44,11 +44,11 @@ class ActuatedBody(SimulatedBody):
         self._lowest_v = self._parameters.supply_open_v
 
     def set_targets(self, lengths_m: NDArray[np.float64]) -> None:
-        """See `Body`; NaN switches a motor off."""
+        """See `SimulatedBody`; NaN switches a motor off."""
         self._commanded_m = self._robot.model.rest_lengths(lengths_m)
 
     def advance_to(self, time_s: float) -> None:
-        """See `Body`."""
+        """See `SimulatedBody`."""
         period = max(1, round(actuators.PERIOD_S * self._steps_per_second))
         while (steps := min(period, int(time_s * self._steps_per_second) - self._steps)) > 0:
             forces_n = self._robot.strut_forces_n()
@@ -62,10 +62,10 @@ class ActuatedBody(SimulatedBody):
 
     @property
     def supply_v(self) -> float | None:
-        """See `Body`."""
+        """See `SimulatedBody`."""
         return self._actuators.supply_v
 
     def take_brown_out(self) -> bool:
-        """See `Body`."""
+        """See `SimulatedBody`."""
         lowest_v, self._lowest_v = self._lowest_v, self._parameters.supply_open_v
         return lowest_v < self._parameters.brown_out_v

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from pathlib import Path
 
@@ -30,15 +31,15 @@ def test_a_line_without_faults_gives_what_it_gets() -> None:
 
 def test_bytes_get_lost_change_come_late_or_from_nobody() -> None:
     line = Direction()
-    line.drop(5)
+    line.drop = 5
     line.put(FRAME, 0.0)
     assert line.take(0.0) == FRAME[5:]
-    line.corrupt(1)
+    line.corrupt = 1
     line.put(FRAME, 0.0)
     changed = line.take(0.0)
     assert changed[0] != FRAME[0]
     assert changed[1:] == FRAME[1:]
-    line.delay(0.5)
+    line.delay_s = 0.5
     line.put(FRAME, 1.0)
     assert line.take(1.4) == b""
     assert line.take(1.5) == FRAME
@@ -49,7 +50,7 @@ def test_bytes_get_lost_change_come_late_or_from_nobody() -> None:
 
 def test_a_cut_waits_for_a_move_and_spares_the_next() -> None:
     line = Direction()
-    line.cut()
+    line.cut = True
     for data, out in ((b"ask?", b"ask?"), (FRAME, FRAME[:12]), (FRAME, FRAME)):
         line.put(data, 0.0)
         assert line.take(0.0) == out
@@ -57,9 +58,9 @@ def test_a_cut_waits_for_a_move_and_spares_the_next() -> None:
 
 def test_all_bytes_are_lost_until_clear_and_late_ones_then_come() -> None:
     line = Direction()
-    line.delay(10.0)
+    line.delay_s = 10.0
     line.put(b"late", 0.0)
-    line.drop(0)
+    line.drop = math.inf
     line.put(FRAME, 0.0)
     line.clear()
     line.put(b"new", 0.0)

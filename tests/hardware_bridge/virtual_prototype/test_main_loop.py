@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hardware_bridge.boards.lsc import encode_move
+from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.driver.bridge import Bridge
@@ -104,7 +104,7 @@ def test_the_line_is_raw_and_outlives_its_clients(start_prototype: Callable) -> 
     running = start_prototype()
     for pulse in (1501, 1505, 1517, 1519):  # their low bytes hold a newline's, a return's and flow control's kin
         descriptor = os.open(running.link, os.O_RDWR | os.O_NOCTTY)
-        os.write(descriptor, encode_move([pulse] * 6, range(1, 7), 0x0D0A // 2))
+        os.write(descriptor, Lsc().encode_move([pulse] * 6, range(1, 7), 0x0D0A // 2))
         os.close(descriptor)
         want = MID_M + (pulse - 1500) * 1e-4
         wait_for(lambda want=want: np.allclose(running.body.lengths_m, want), f"{pulse} us")
@@ -150,7 +150,7 @@ def test_an_observers_client_comes_back_with_the_observer(start_prototype: Calla
 
 
 def test_a_body_that_falls_behind_says_so_once_each_time(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    prototype = VirtualPrototype(tmp_path / "prototype", StillBody(), load_calibration())
+    prototype = VirtualPrototype(tmp_path / "prototype", StillBody(), load_calibration(), emulate("lsc"))
     with contextlib.closing(prototype):
         for lag_s in (0.0, 3.0, 4.0, 1.0, 3.0, 0.0, 2.5):
             prototype._tell_lag(lag_s)
@@ -158,7 +158,7 @@ def test_a_body_that_falls_behind_says_so_once_each_time(tmp_path: Path, caplog:
 
 
 def test_observations_tell_how_late_orders_were_taken(tmp_path: Path) -> None:
-    prototype = VirtualPrototype(tmp_path / "prototype", StillBody(), load_calibration(), time_scale=50.0)
+    prototype = VirtualPrototype(tmp_path / "prototype", StillBody(), load_calibration(), emulate("lsc"), 50.0)
     seen: list[Observation] = []
     with contextlib.closing(prototype):
         client = ObserverClient(str(observer_path(tmp_path / "prototype")), seen.append)

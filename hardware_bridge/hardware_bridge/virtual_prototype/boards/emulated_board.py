@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections import deque
 
-from hardware_bridge.virtual_prototype.boards.pulse_outputs import Order, Outputs, Reset
+from hardware_bridge.virtual_prototype.boards.pulse_outputs import Order, Outputs
 
 BITS_PER_BYTE = 10
 
@@ -59,7 +59,7 @@ class EmulatedBoard(ABC):
         """The power fails for a moment: outputs off, half-received frames, bytes on the line and settings forgotten."""
         self._inbox.clear()
         self.forget(time_s)
-        self.order(Reset(), time_s)
+        self.order(Order(dict.fromkeys(self._outputs.channels)), time_s)
 
     def order(self, order: Order, time_s: float) -> None:
         """Gives the outputs an order."""

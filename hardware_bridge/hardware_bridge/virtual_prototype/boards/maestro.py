@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from hardware_bridge.boards import maestro as m
 from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoard
-from hardware_bridge.virtual_prototype.boards.pulse_outputs import Off, Paced
+from hardware_bridge.virtual_prototype.boards.pulse_outputs import Order
 
 PROTOCOL_BIT = m.ERRORS.index("serial protocol")
 CRC_BIT = m.ERRORS.index("serial CRC")
@@ -161,7 +161,7 @@ class EmulatedMaestro(EmulatedBoard):
             return
         if pulse_us == 0.0:
             self._targets_us.pop(channel, None)
-            self.order(Off((channel,)), time_s)
+            self.order(Order({channel: None}), time_s)
             return
         low, high = self._board.limits_us
         self._targets_us[channel] = min(max(pulse_us, low), high)
@@ -173,7 +173,10 @@ class EmulatedMaestro(EmulatedBoard):
             self._go(channel, time_s)
 
     def _go(self, channel: int, time_s: float) -> None:
-        self.order(Paced(channel, self._targets_us[channel], self._speeds[channel] * m.SPEED_UNIT_US_S), time_s)
+        target_us, speed_us_s = self._targets_us[channel], self._speeds[channel] * m.SPEED_UNIT_US_S
+        at_us = self.commanded_us(channel, time_s)
+        duration_s = abs(target_us - at_us) / speed_us_s if speed_us_s and at_us is not None else 0.0
+        self.order(Order({channel: target_us}, duration_s), time_s)
 
     # ---- errors -----------------------------------------------------------------------------------------------------
 
