@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from hardware_bridge.boards.board import Health, Query, Quirks, TimedBoard, check_range
+from hardware_bridge.boards.board import Board, Health, Query, Quirks, check_range
 
 HEADER = b"\x55\x55"
 CMD_MOVE = 0x03
@@ -128,14 +128,14 @@ class FrameDecoder:
 
 
 @dataclass(frozen=True)
-class Lsc(TimedBoard):
+class Lsc(Board):
     """The LSC family as a `Board`."""
 
     name = "lsc"
     quirks = QUIRKS
 
-    def frame(self, pulses_us: Mapping[int, int], duration_ms: int) -> bytes:
-        """See `TimedBoard`."""
+    def frame(self, pulses_us: Mapping[int, int], duration_ms: int, from_us: Sequence[float]) -> bytes:
+        """See `Board`."""
         body = bytearray((len(pulses_us), *_u16(duration_ms)))
         for channel, pulse_us in pulses_us.items():
             body += bytes((channel, *_u16(pulse_us)))

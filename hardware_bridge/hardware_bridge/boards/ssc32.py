@@ -15,7 +15,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from hardware_bridge.boards.board import Health, Query, Quirks, TimedBoard, check_channels
+from hardware_bridge.boards.board import Board, Health, Query, Quirks, check_channels
 
 CANCEL = b"\x1b\r"
 PULSE_STEP_US = 10
@@ -156,14 +156,14 @@ class LineDecoder:
 
 
 @dataclass(frozen=True)
-class Ssc32(TimedBoard):
+class Ssc32(Board):
     """The SSC-32 family as a `Board`."""
 
     name = "ssc32"
     quirks = QUIRKS
 
-    def frame(self, pulses_us: Mapping[int, int], duration_ms: int) -> bytes:
-        """See `TimedBoard`."""
+    def frame(self, pulses_us: Mapping[int, int], duration_ms: int, from_us: Sequence[float]) -> bytes:
+        """See `Board`."""
         body = "".join(f"#{channel}P{pulse}" for channel, pulse in pulses_us.items())
         return f"{body}T{duration_ms}\r".encode("ascii")
 
