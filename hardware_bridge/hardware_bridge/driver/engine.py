@@ -37,7 +37,6 @@ from hardware_bridge.safety.supervisor_messages import (
     Hold,
     Kind,
     Mode,
-    Refuse,
     Reset,
     Send,
     State,
@@ -236,9 +235,6 @@ class Engine:
         if failure is not None:
             self.apply(failure)
         self.tell_state()
-        for effect in effects:
-            if isinstance(effect, Refuse):
-                raise effect.error
 
     def _send(self, send: Send, before: State) -> Event | None:
         """One frame through the last gate to the port; what went wrong, if anything."""

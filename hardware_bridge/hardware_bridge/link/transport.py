@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bytes in, bytes out, over a device or a socket: `/dev/rfcomm0`, `socket://host:port`, a pty.
 
-A transport opens exclusively, writes all, reads exactly, closes; it knows no protocol. Every failure is an error that
+A transport opens exclusively, writes all, reads what has come, closes; it knows no protocol. Every failure is an error that
 names the port and what to do. pyserial and the kernel raise `SerialException` or a plain `OSError`; the second is
 the base of the first and is what is caught here.
 """
@@ -28,7 +28,6 @@ class SerialTransport:
     Attributes:
         port: the path, or `socket://HOST:PORT`. Other URLs are refused: they hide a device, or are none.
         baud: rate of the port; the Bluetooth side of an rfcomm port ignores it.
-        read_timeout_s: longest wait of `read_exactly`, wall time.
         write_timeout_s: longest wait of `write_all`, wall time; about a frame, so that stop never waits longer.
         open_timeout_s: longest wait of `open`, wall time: a paired module that is off blocks the kernel for seconds.
     """
@@ -37,13 +36,11 @@ class SerialTransport:
         self,
         port: str,
         baud: int = 9600,
-        read_timeout_s: float = 0.2,
         write_timeout_s: float = 0.04,
         open_timeout_s: float = 10.0,
     ) -> None:
         self.port = port
         self.baud = baud
-        self.read_timeout_s = read_timeout_s
         self.write_timeout_s = write_timeout_s
         self.open_timeout_s = open_timeout_s
         self._serial: serial.Serial | None = None
@@ -102,21 +99,6 @@ class SerialTransport:
                 rest = rest[count or 0 :]
         except OSError as error:
             raise self._lost(f"write failed ({error})", dirty=True) from error
-
-    def read_exactly(self, count: int) -> bytes:
-        """`count` bytes, or an error after `read_timeout_s`.
-
-        Raises:
-            LinkLost: the port failed, or sent fewer bytes in time.
-        """
-        port = self._require_open()
-        try:
-            data = bytes(port.read(count))
-        except OSError as error:
-            raise self._lost(f"read failed ({error})") from error
-        if len(data) < count:
-            raise self._lost(f"sent {len(data)} of {count} bytes in {self.read_timeout_s:g} s")
-        return data
 
     def read_available(self, limit: int = 256) -> bytes:
         """What has arrived, up to `limit` bytes, without waiting.
@@ -192,7 +174,7 @@ class SerialTransport:
         try:
             is_url = "://" in self.port
             port = serial.serial_for_url(
-                self.port if is_url else os.path.realpath(self.port), baudrate=self.baud, timeout=self.read_timeout_s,
+                self.port if is_url else os.path.realpath(self.port), baudrate=self.baud, timeout=0,
                 exclusive=None if is_url else True,
             )  # fmt: skip
             try:

@@ -26,12 +26,11 @@ from hardware_bridge.errors import (
     FaultLatched,
     LeaseError,
     NotClear,
-    Refused,
     StaleError,
     StateError,
     SupplyError,
 )
-from hardware_bridge.safety.board_position import MoveTime, as_told
+from hardware_bridge.safety.board_position import MoveTime
 from hardware_bridge.safety.duty_cycle import check_duty, returns
 from hardware_bridge.safety.homing import homing_path, known_pulses
 from hardware_bridge.safety.limit_checks import Rules, check_homing, check_trajectory
@@ -44,7 +43,6 @@ from hardware_bridge.safety.supervisor_messages import (
     Execute,
     Fail,
     Finished,
-    Granted,
     Hold,
     Kind,
     LastFrame,
@@ -55,7 +53,6 @@ from hardware_bridge.safety.supervisor_messages import (
     Now,
     Outcome,
     Prove,
-    Refuse,
     Reset,
     Send,
     State,
@@ -93,7 +90,7 @@ class Supervisor:
         move_time: how long the board takes for a way.
     """
 
-    def __init__(self, rules: Rules, move_time: MoveTime = as_told) -> None:
+    def __init__(self, rules: Rules, move_time: MoveTime) -> None:
         self.rules = rules
         self._move_time = move_time
         us_per_m = np.array([1.0 / strut.quantum_m for strut in rules.calibration.struts])
@@ -103,35 +100,32 @@ class Supervisor:
         self._step_us = rules.limits.step_m * us_per_m + _HALF_US
 
     def step(self, state: State, event: Event, now: Now) -> Result:  # noqa: PLR0911 (one row an event)
-        """The next state and what to do. A refused event leaves the state as it was, with one `Refuse`."""
-        try:
-            match event:
-                case Tick():
-                    return self._tick(state, now, event.congested)
-                case Prove():
-                    return self._prove(state, event, now), ()
-                case Arm():
-                    return self._arm(state, event, now)
-                case Execute():
-                    return self._execute(state, event, now)
-                case Disarm():
-                    return self._disarm(state, event, now)
-                case Hold():
-                    return self._hold(state, event, now)
-                case Stop():
-                    return self._stop(state, event.reason, now)
-                case Supply():
-                    return replace(state, supply_mv=event.millivolts), ()
-                case LinkLost() | Fail():
-                    return self._fail(state, event, now)
-                case Reset():
-                    return self._reset(state), ()
-        except Refused as error:
-            return state, (Refuse(error),)
+        """The next state and what to do. Raises Refused: the event changes nothing."""
+        match event:
+            case Tick():
+                return self._tick(state, now, event.congested)
+            case Prove():
+                return self._prove(state, event, now), ()
+            case Arm():
+                return self._arm(state, event, now), ()
+            case Execute():
+                return self._execute(state, event, now), ()
+            case Disarm():
+                return self._disarm(state, event, now)
+            case Hold():
+                return self._hold(state, event, now)
+            case Stop():
+                return self._stop(state, event.reason, now)
+            case Supply():
+                return replace(state, supply_mv=event.millivolts), ()
+            case LinkLost() | Fail():
+                return self._fail(state, event, now)
+            case Reset():
+                return self._reset(state), ()
 
     # ---- commands ---------------------------------------------------------------------------------------------------
 
-    def _arm(self, state: State, event: Arm, now: Now) -> Result:
+    def _arm(self, state: State, event: Arm, now: Now) -> State:
         if state.mode is Mode.FAULT:
             raise FaultLatched("arm", state.reason)
         if state.mode is not Mode.DISARMED and state.lease is not None:
@@ -141,7 +135,7 @@ class Supervisor:
         pulses_us = known_pulses(self.rules, state, event)
         check_homing(self.rules, pulses_us, homing_path(self.rules, pulses_us))
         lease = Lease(event.token, event.holder, now.wall_s)
-        homing = State(
+        return State(
             Mode.HOMING,
             "",
             pulses_us,
@@ -152,9 +146,8 @@ class Supervisor:
             duty=state.duty,
             supply_mv=state.supply_mv,
         )
-        return homing, (Granted(event.token),)
 
-    def _execute(self, state: State, event: Execute, now: Now) -> Result:
+    def _execute(self, state: State, event: Execute, now: Now) -> State:
         if state.mode is Mode.FAULT:
             raise FaultLatched("execute", state.reason)
         self._require_lease(state, event.lease, now)
@@ -167,7 +160,7 @@ class Supervisor:
         limit_s = self.rules.limits.goal_age_s  # last: what is too old is worth sending again only if nothing else is wrong
         if not abs(event.stamp_age_s) <= limit_s:  # also not-a-number
             raise StaleError(event.stamp_age_s, limit_s)
-        return replace(state, mode=Mode.ARMED, reason="", motion=Motion(event.number, path)), ()
+        return replace(state, mode=Mode.ARMED, reason="", motion=Motion(event.number, path))
 
     def _require_strength(self, state: State, path: Trajectory, now: Now) -> None:
         """Duty and supply for a motion that loads the struts; the way back to mid stroke is always open."""

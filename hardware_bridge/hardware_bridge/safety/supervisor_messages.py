@@ -6,7 +6,6 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from hardware_bridge.errors import Refused
 from hardware_bridge.safety.duty_cycle import Duty
 from hardware_bridge.safety.trajectory import Trajectory
 from sim_core.names import STRUT_NAMES
@@ -235,20 +234,6 @@ class Send:
 
 
 @dataclass(frozen=True)
-class Granted:
-    """The lease is given; homing has begun."""
-
-    lease: str
-
-
-@dataclass(frozen=True)
-class Refuse:
-    """The event changed nothing."""
-
-    error: Refused
-
-
-@dataclass(frozen=True)
 class Finished:
     """A motion ended."""
 
@@ -257,4 +242,4 @@ class Finished:
     reason: str
 
 
-Effect = Send | Granted | Refuse | Finished
+Effect = Send | Finished

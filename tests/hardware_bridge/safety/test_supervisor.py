@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.errors import (
     FaultLatched,
     LeaseError,
@@ -28,7 +29,6 @@ from hardware_bridge.safety.supervisor_messages import (
     Execute,
     Fail,
     Finished,
-    Granted,
     Hold,
     Kind,
     LinkLost,
@@ -36,7 +36,6 @@ from hardware_bridge.safety.supervisor_messages import (
     Now,
     Outcome,
     Prove,
-    Refuse,
     Reset,
     Send,
     State,
@@ -51,7 +50,7 @@ class Driver:
     """Feeds a supervisor and keeps its state, time and effects."""
 
     def __init__(self, rules: Rules, pulses_us: tuple[int | None, ...] = (None,) * 6) -> None:
-        self.supervisor = Supervisor(rules)
+        self.supervisor = Supervisor(rules, Lsc().move_time_s)
         self.state = State(pulses_us=pulses_us)
         self.time_s = 100.0
         self.effects: list[Effect] = []
@@ -63,10 +62,10 @@ class Driver:
 
     def refusal(self, event: Event) -> Refused:
         before = self.state
-        (effect,) = self.feed(event)
-        assert isinstance(effect, Refuse)
+        with pytest.raises(Refused) as caught:
+            self.feed(event)
         assert self.state == before
-        return effect.error
+        return caught.value
 
     def tick(self, after_s: float = 0.05, congested: bool = False) -> tuple[Effect, ...]:
         self.time_s += after_s
@@ -128,7 +127,9 @@ def test_a_record_and_a_confirmation_that_disagree_are_refused(rules: Rules) -> 
     error = driver.refusal(Arm("test", True, "key", MID))
     assert isinstance(error, PositionUnknown)
     assert error.strut == "S3"
-    assert driver.feed(Arm("test", True, "key")) == (Granted("key"),)
+    assert driver.feed(Arm("test", True, "key")) == ()
+    assert driver.state.lease is not None
+    assert driver.state.lease.token == "key"
 
 
 def test_homing_energises_one_strut_at_a_time_where_it_is_and_then_goes_slowly(rules: Rules) -> None:
