@@ -161,7 +161,7 @@ class Bridge:
             streamer.stop()
             with self._engine.lock:
                 if not hold:
-                    self._link.down()
+                    self._link.is_up = False
                 state = self._engine.state
                 if state.mode is not Mode.FAULT:
                     self._engine.apply(Disarm("" if state.lease is None else state.lease.token))
@@ -380,7 +380,7 @@ class Bridge:
         try:
             self._link.open()
             if handshake is not None:
-                require_same_pty(self.port, handshake, self._link.descriptor)
+                require_same_pty(self.port, handshake, self._link.transport.descriptor)
         except BaseException:
             self._link.close()
             if records is not self._records:

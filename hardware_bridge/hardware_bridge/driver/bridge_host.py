@@ -118,14 +118,14 @@ class BridgeHost:
             "reset": (lambda: self._present.reset(), True),
             "arm": (lambda *words: self._present.arm(*words), True),
             "judge_homing": (lambda lengths: self._present.judge_homing(lengths), True),
-            "judge_motion": (self._judge_motion, True),
+            "judge_motion": (lambda *words: self._present.judge_motion(*words), True),
             "execute": (self._execute, True),
             "disarm": (lambda lease: self._present.disarm(lease), False),
             "prove": (lambda lease: self._present.prove(lease), False),
             "hold": (lambda reason: self._present.hold(reason), False),
             "stop": (lambda reason: self._present.stop(reason), False),
             "observe_face": (lambda *words: self._present.observe_face(*words), False),
-            "returns": (lambda trajectory: self._present.returns(_checked(trajectory)), False),
+            "returns": (lambda trajectory: self._present.returns(trajectory), False),
             "cancel": (self._cancel, False),
         }
 
@@ -207,12 +207,9 @@ class BridgeHost:
         finally:
             self._tell(Refreshed(self._present.snapshot(), {}))
 
-    def _judge_motion(self, trajectory: Trajectory, lease: str) -> None:
-        self._present.judge_motion(_checked(trajectory), lease)
-
     def _execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float, asked_s: float) -> tuple[int, float]:
         age = Age(stamp_age_s, received_s=asked_s)  # on its way here it grows older, too
-        handle = self._present.execute(_checked(trajectory), lease, age.now_s())
+        handle = self._present.execute(trajectory, lease, age.now_s())
         with self._lock:
             self._motions[handle.number] = handle
         self._tell_ends()  # it may have ended already
@@ -275,8 +272,3 @@ class BridgeHost:
         with suppress(OSError):  # `serve` notices, too
             while True:
                 self._connection.send_bytes(self._waiting.get())
-
-
-def _checked(trajectory: Trajectory) -> Trajectory:
-    """Made anew, because what comes over a connection was not checked by its constructor."""
-    return Trajectory(trajectory.times_s, trajectory.lengths_m)

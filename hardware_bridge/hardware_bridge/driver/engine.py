@@ -331,20 +331,16 @@ class Engine:
 
     def _progress(self, handle: MotionHandle) -> Progress:
         with self.lock:
-            motion, result = self.state.motion, handle.result()
-            if motion is not None and motion.number == handle.number:
-                handle.sent_s = motion.progress_s
-            elif result is not None and result.success:
-                handle.sent_s = handle.duration_s
-            fraction = 1.0 if handle.duration_s == 0 else handle.sent_s / handle.duration_s
-            return Progress(fraction, handle.sent_s, handle.duration_s, self.lengths_m())
+            motion = self.state.motion
+            runs = motion is not None and motion.number == handle.number
+            return handle.progress_at(motion.progress_s if motion is not None and runs else None, self.lengths_m())
 
     # ---- the stream -------------------------------------------------------------------------------------------------
 
     def emit_face(self, face: str, source: str, settled: bool, detail: str) -> FaceEvent:
         """Numbers a face observation into the stream."""
         event = FaceEvent(*self._number(), face, source, settled, detail, self.session, time.time_ns())
-        self._callbacks.face(event)
+        self._callbacks.tell(event)
         return event
 
     def tell_state(self, force: bool = False) -> None:
@@ -355,7 +351,7 @@ class Engine:
         now = (state.mode, state.reason, token, state.homed, moving, self.link.is_up)
         if force or now != self._told:
             self._told = now
-            self._callbacks.state(self.snapshot())
+            self._callbacks.tell(self.snapshot())
 
     def snapshot(self) -> Snapshot:
         """Everything at this instant."""
@@ -423,7 +419,7 @@ class Engine:
             session=self.session,
             wall_ns=time.time_ns(),
         )
-        self._callbacks.sent(event)
+        self._callbacks.tell(event)
 
     def _number(self) -> tuple[int, int]:
         self._count.seq += 1

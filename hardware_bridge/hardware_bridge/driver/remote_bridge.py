@@ -10,6 +10,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from dataclasses import replace
 from multiprocessing.connection import Connection
@@ -26,14 +27,6 @@ from hardware_bridge.safety.trajectory import Trajectory
 
 END_LIMIT_S = 5.0
 """Wall time in which a host whose connection is closed holds the struts and ends."""
-
-
-class _Asked:
-    """A call that waits for its reply."""
-
-    def __init__(self) -> None:
-        self.done = threading.Event()
-        self.reply: Reply | None = None
 
 
 class HostProcess:
@@ -58,7 +51,7 @@ class HostProcess:
         self._connection = Connection(os.dup(here.fileno()))
         self._on_end = on_end
         self._sending = threading.Lock()
-        self._asked: dict[int, _Asked] = {}
+        self._asked: dict[int, Future[Any]] = {}
         self._count = 0
         self._ended = ""
         self._closing = False
@@ -73,8 +66,13 @@ class HostProcess:
         return self._child.pid
 
     def tell(self, message: Any) -> None:
-        """Sends the program something that has no answer."""
-        self._send(message)
+        """Sends the program something, whether or not it answers."""
+        data = pickle.dumps(message)
+        try:
+            with self._sending:
+                self._connection.send_bytes(data)
+        except OSError:
+            self._release()
 
     def open(
         self,
@@ -103,19 +101,19 @@ class HostProcess:
         Raises:
             BridgeError: what it raised; `StateError` if the process is gone.
         """
-        asked = _Asked()
+        asked: Future[Any] = Future()
         with self._sending:
             self._count += 1
             number = self._count
             self._asked[number] = asked
-        self._send(Call(number, name, arguments))
-        asked.done.wait()
-        del self._asked[number]
-        if asked.reply is None:
-            raise StateError(name, "gone", f"the bridge's process has ended ({self._ended}); start the bridge again")
-        if asked.reply.error is not None:
-            raise asked.reply.error
-        return asked.reply.value
+        self.tell(Call(number, name, arguments))
+        try:
+            return asked.result()
+        except CancelledError:
+            problem = f"the bridge's process has ended ({self._ended}); start the bridge again"
+            raise StateError(name, "gone", problem) from None
+        finally:
+            del self._asked[number]
 
     def close(self) -> int:
         """Lets go of the process, which holds the struts and ends; its exit code."""
@@ -131,23 +129,18 @@ class HostProcess:
 
     # ---- the connection -----------------------------------------------------------------------------------------------
 
-    def _send(self, message: Any) -> None:
-        data = pickle.dumps(message)
-        try:
-            with self._sending:
-                self._connection.send_bytes(data)
-        except OSError:
-            self._release()
-
     def _listen(self) -> None:
         try:
             while True:
                 message = pickle.loads(self._connection.recv_bytes(MOST_BYTES))
                 if isinstance(message, Reply):
                     asked = self._asked.get(message.number)
-                    if asked is not None:
-                        asked.reply = message
-                        asked.done.set()
+                    if asked is None or not asked.set_running_or_notify_cancel():
+                        continue
+                    if message.error is None:
+                        asked.set_result(message.value)
+                    else:
+                        asked.set_exception(message.error)
                 elif isinstance(message, Judge):
                     self._judging.put(message)
                 elif isinstance(message, Refreshed) and self._bridge is not None:
@@ -168,7 +161,7 @@ class HostProcess:
         """Nobody will answer any more."""
         self._ended = self._ended or "its connection is closed"
         for asked in list(self._asked.values()):
-            asked.done.set()
+            asked.cancel()
 
     def _judge(self) -> None:
         while (question := self._judging.get()) is not None:
@@ -177,7 +170,7 @@ class HostProcess:
                 problem = "no bridge is open" if bridge is None else bridge.rules.shape_check(question.lengths_m)
             except Exception as failure:  # whatever it is: what was not judged does not move
                 problem = f"cannot be judged, internal error: {failure!r}"
-            self._send(Verdict(question.number, problem))
+            self.tell(Verdict(question.number, problem))
 
 
 class RemoteBridge:
@@ -270,13 +263,10 @@ class RemoteBridge:
 
     def happened(self, event: Any) -> None:
         """For the host: something happened."""
-        if isinstance(event, SentEvent):
-            self._callbacks.sent(event)
-        elif isinstance(event, FaceEvent):
-            self._callbacks.face(event)
-        elif isinstance(event, Snapshot):
-            self._keep(event)
-            self._callbacks.state(event)
+        if isinstance(event, SentEvent | FaceEvent | Snapshot):
+            if isinstance(event, Snapshot):
+                self._keep(event)
+            self._callbacks.tell(event)
         else:
             number, result = event
             with self._lock:
@@ -299,12 +289,7 @@ class RemoteBridge:
                 self._snapshot = snapshot
 
     def _progress(self, handle: MotionHandle) -> Progress:
-        newest, result = self._progresses.get(handle.number), handle.result()
-        if newest is not None:
-            handle.sent_s = newest.elapsed_s
-        if result is not None and result.success:
-            handle.sent_s = handle.duration_s
-        fraction = 1.0 if handle.duration_s == 0 else handle.sent_s / handle.duration_s
-        return Progress(
-            fraction, handle.sent_s, handle.duration_s, self.snapshot().lengths_m if newest is None else newest.lengths_m
-        )
+        newest = self._progresses.get(handle.number)
+        if newest is None:
+            return handle.progress_at(None, self.snapshot().lengths_m)
+        return handle.progress_at(newest.elapsed_s, newest.lengths_m)

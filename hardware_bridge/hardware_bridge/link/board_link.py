@@ -34,6 +34,8 @@ class Link:
     is lost.
 
     Attributes:
+        transport: the port.
+        is_up: the port is open and nothing has failed since.
         battery_mv: last supply voltage that the board told, in [mV].
         write_errors: failed or partial writes.
     """
@@ -46,12 +48,12 @@ class Link:
         liveness_period_s: float | None,
         liveness_limit_s: float,
     ) -> None:
-        self._transport = transport
+        self.transport = transport
         self._board = board
         self._channels = tuple(channels)
         self._liveness_period_s = liveness_period_s
         self._liveness_limit_s = liveness_limit_s
-        self._up = False
+        self.is_up = False
         self._reply = bytearray()
         self._reply_bytes = 0
         asked = 1 if liveness_period_s is None else math.ceil(liveness_limit_s / liveness_period_s)
@@ -68,16 +70,6 @@ class Link:
         self._questions = self._unanswered = self._bad = 0
         self._reply_latency = Latency()
 
-    @property
-    def is_up(self) -> bool:
-        """Whether the port is open and nothing has failed since."""
-        return self._up
-
-    @property
-    def descriptor(self) -> int | None:
-        """As the transport's."""
-        return self._transport.descriptor
-
     def open(self) -> None:
         """Opens the port afresh; after a cut frame the link stays down until `resynchronise`.
 
@@ -85,7 +77,7 @@ class Link:
             TransportError: what the transport raises.
         """
         self.close()
-        self._transport.open()
+        self.transport.open()
         self._reply_bytes = 0
         self._energised.clear()
         self._asked_s = -float("inf")
@@ -93,7 +85,7 @@ class Link:
         self.battery_mv = None
         self._heard.clear()
         self._opened_s = time.monotonic()
-        self._up = not self._dirty
+        self.is_up = not self._dirty
 
     @property
     def has_answered(self) -> bool:
@@ -105,7 +97,7 @@ class Link:
 
         May be called from any thread.
         """
-        while self._up and not self._heard.is_set():
+        while self.is_up and not self._heard.is_set():
             left_s = self._opened_s + FIRST_ANSWER_LIMIT_S - time.monotonic()
             if left_s <= 0.0 or self._liveness_period_s is None:
                 break
@@ -116,7 +108,7 @@ class Link:
         """Raises BoardSilent: the board has never answered, and nobody has said that it cannot."""
         if self._heard.is_set() or silent_board:
             return
-        raise silence(self._transport.port, self._board, self._liveness_period_s is not None, word)
+        raise silence(self.transport.port, self._board, self._liveness_period_s is not None, word)
 
     def begin_counting(self) -> None:
         """All counts from 0."""
@@ -147,39 +139,35 @@ class Link:
         else:
             if self._answers:
                 remedy = "switch the servo supply off and on, then reset"
-                raise LinkLost(self._transport.port, "does not answer after a cut frame", remedy, dirty=True)
-        self._dirty, self._up = False, True
+                raise LinkLost(self.transport.port, "does not answer after a cut frame", remedy, dirty=True)
+        self._dirty, self.is_up = False, True
         return True
 
     def close(self) -> None:
         """Closes the port."""
-        self._up = False
-        self._transport.close()
-
-    def down(self) -> None:
-        """Nothing more is written or read."""
-        self._up = False
+        self.is_up = False
+        self.transport.close()
 
     def lost(self, problem: str, remedy: str = "check power and link, then reset") -> LinkLost:
         """Takes the link down and makes the error that says so."""
-        self._up = False
-        return LinkLost(self._transport.port, problem, remedy)
+        self.is_up = False
+        return LinkLost(self.transport.port, problem, remedy)
 
     def write(self, data: bytes) -> None:
         """Writes all, or takes the link down and raises `LinkLost`."""
         if not data:
             return
         try:
-            self._transport.write_all(data)
+            self.transport.write_all(data)
         except LinkLost as error:
-            self._up = False
+            self.is_up = False
             self._dirty |= error.dirty
             self.write_errors += 1
             raise
 
     def is_congested(self) -> bool:
         """Whether anything is still waiting in the port: what is sent now would reach the board later than its turn."""
-        return self._transport.pending_bytes() > 0
+        return self.transport.pending_bytes() > 0
 
     def is_late(self, now_s: float) -> bool:
         """Whether a board that used to answer has been silent for `LATE_ANSWER_S`.
@@ -251,9 +239,9 @@ class Link:
 
     def _read(self) -> bytes:
         try:
-            return self._transport.read_available()
+            return self.transport.read_available()
         except LinkLost:
-            self._up = False
+            self.is_up = False
             raise
 
     def _wait_for_answer(self) -> bool:

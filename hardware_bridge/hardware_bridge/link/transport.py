@@ -26,6 +26,7 @@ class SerialTransport:
     """One exclusive serial port.
 
     Attributes:
+        descriptor: the open file, where the port is one.
         port: the path, or `socket://HOST:PORT`. Other URLs are refused: they hide a device, or are none.
         baud: rate of the port; the Bluetooth side of an rfcomm port ignores it.
         write_timeout_s: longest wait of `write_all`, wall time; about a frame, so that stop never waits longer.
@@ -45,13 +46,8 @@ class SerialTransport:
         self.open_timeout_s = open_timeout_s
         self._serial: serial.Serial | None = None
         self._lock: PortLock | None = None
-        self._descriptor: int | None = None
+        self.descriptor: int | None = None
         self._opening: threading.Thread | None = None
-
-    @property
-    def descriptor(self) -> int | None:
-        """The open file, where the port is one."""
-        return self._descriptor
 
     def open(self) -> None:
         """Opens the port exclusively, whatever its name is spelled like (see `port_lock`).
@@ -62,13 +58,13 @@ class SerialTransport:
         if self._serial is not None:
             return
         self._serial, self._lock = self._open_within_limit()
-        self._descriptor = _descriptor(self._serial)
+        self.descriptor = _descriptor(self._serial)
         # With a descriptor, write_all waits by itself: pyserial also reports a timeout after a late but complete write.
-        self._serial.write_timeout = self.write_timeout_s if self._descriptor is None else 0
+        self._serial.write_timeout = self.write_timeout_s if self.descriptor is None else 0
 
     def close(self) -> None:
         """Closes the port; closing twice, or after the peer is gone, is fine."""
-        port, self._serial, self._descriptor = self._serial, None, None
+        port, self._serial, self.descriptor = self._serial, None, None
         try:
             if port is not None:
                 port.close()
@@ -90,9 +86,9 @@ class SerialTransport:
         rest = memoryview(data)
         try:
             while rest:
-                if self._descriptor is not None:
+                if self.descriptor is not None:
                     wait_s = max(0.0, deadline - time.monotonic())
-                    if not select.select([], [self._descriptor], [], wait_s)[1]:
+                    if not select.select([], [self.descriptor], [], wait_s)[1]:
                         taken = len(data) - len(rest)
                         raise self._lost(f"took {taken} of {len(data)} bytes in time", dirty=taken > 0)
                 count = port.write(bytes(rest))

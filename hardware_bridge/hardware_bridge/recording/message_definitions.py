@@ -11,6 +11,7 @@ import json
 import os
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -74,24 +75,18 @@ class ShareSchemas:
 
     def type_hash(self, type_name: str) -> str:
         """The type's RIHS01 hash, or an empty string where the installation does not say."""
-        package, name = _short(type_name).split("/")
-        for directory in self._directories:
-            try:
-                data = json.loads((directory / package / "msg" / f"{name}.json").read_text(encoding="utf-8"))
-                for entry in data["type_hashes"]:
-                    if entry["type_name"] == f"{package}/msg/{name}":
-                        return str(entry["hash_string"])
-            except (OSError, ValueError, KeyError, TypeError):
-                continue
-        return ""
+        short = _short(type_name)
+        try:
+            entries = json.loads(self._read(short, suffix="json"))["type_hashes"]
+            return next(str(entry["hash_string"]) for entry in entries if entry["type_name"] == type_name)
+        except (SchemaError, StopIteration, ValueError, KeyError, TypeError):
+            return ""
 
-    def _read(self, short_name: str, kind: str = "msg") -> str:
+    def _read(self, short_name: str, kind: str = "msg", suffix: str = "") -> str:
         package, name = short_name.split("/")
         for directory in self._directories:
-            try:
-                return (directory / package / kind / f"{name}.{kind}").read_text(encoding="utf-8")
-            except OSError:
-                continue
+            with suppress(OSError):
+                return (directory / package / kind / f"{name}.{suffix or kind}").read_text(encoding="utf-8")
         raise SchemaError(f"{package}/{kind}/{name}", [str(directory) for directory in self._directories])
 
 

@@ -213,7 +213,7 @@ def test_a_reset_believes_memory_and_not_a_record_that_could_not_be_written(
         broken.setattr(state_file, "write", fails)
         broken.setattr(Path, "unlink", fails)
         bridge._engine.forget_positions()
-        bridge._link.down()
+        bridge._link.is_up = False
         bridge._engine.apply(LinkLost("the board reports an error"))
     bridge.reset()
     with pytest.raises(PositionUnknown, match="the board may have moved or released the struts"):
