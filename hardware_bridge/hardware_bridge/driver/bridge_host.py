@@ -64,7 +64,7 @@ class Call(NamedTuple):
     arguments: tuple[Any, ...]
 
 
-class Verdict(NamedTuple):
+class Judged(NamedTuple):
     """To the host: the answer to a `Judge`."""
 
     number: int
@@ -136,7 +136,7 @@ class BridgeHost:
         try:
             while True:
                 message = pickle.loads(self._connection.recv_bytes(MOST_BYTES))
-                if isinstance(message, Verdict):
+                if isinstance(message, Judged):
                     self._verdicts[message.number].put(message.problem)
                 elif self._calls[message.name][1]:
                     threading.Thread(target=self._answer, args=(message,), name=message.name, daemon=True).start()

@@ -36,6 +36,7 @@ from hardware_bridge.safety.supervisor_messages import (
     Finished,
     Hold,
     Kind,
+    LinkDown,
     Mode,
     Reset,
     Send,
@@ -43,7 +44,6 @@ from hardware_bridge.safety.supervisor_messages import (
     Supply,
     Tick,
 )
-from hardware_bridge.safety.supervisor_messages import LinkLost as LinkLostEvent
 from hardware_bridge.saved_state.robot_records import Records
 from sim_core.names import STRUT_NAMES
 
@@ -157,7 +157,7 @@ class Engine:
                     if self.link.battery_mv != self.state.supply_mv:
                         self.apply(Supply(self.link.battery_mv))
                 except LinkLost as error:
-                    self.apply(LinkLostEvent(str(error)))
+                    self.apply(LinkDown(str(error)))
             if not self._is_barred:
                 self.apply(Tick(congested))
             if self.link.is_up and not self._written_in_tick:
@@ -260,12 +260,12 @@ class Engine:
             self.link.write(frame)
             self._latency.add(time.monotonic() - begun_s)
         except LinkLost as error:
-            return LinkLostEvent(str(error))
+            return LinkDown(str(error))
         except Exception as error:
             self._unsend(before)
             if hold:  # another one would fail too
                 _log.exception("holding the struts")
-                return LinkLostEvent(str(self.link.lost(f"the struts could not be held: {error!r}")))
+                return LinkDown(str(self.link.lost(f"the struts could not be held: {error!r}")))
             if isinstance(error, ShapeError):  # between two shapes that were judged when the motion was accepted
                 return Hold(f"held before a frame: {error}")
             if isinstance(error, BridgeError):

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hardware_bridge.safety.supervisor_messages import Outcome
+from hardware_bridge.safety.supervisor_messages import MotionOutcome
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,14 @@ class MotionResult:
         lengths_m: rest lengths last sent, in [m].
     """
 
-    outcome: Outcome
+    outcome: MotionOutcome
     reason: str
     lengths_m: tuple[float, ...]
 
     @property
     def success(self) -> bool:
         """Whether the whole trajectory was sent."""
-        return self.outcome is Outcome.DONE
+        return self.outcome is MotionOutcome.DONE
 
 
 class MotionHandle:

@@ -18,7 +18,7 @@ from queue import SimpleQueue
 from typing import Any
 
 from hardware_bridge.boards.board import Board
-from hardware_bridge.driver.bridge_host import MOST_BYTES, Call, Happened, Judge, Opened, Opening, Refreshed, Reply, Verdict
+from hardware_bridge.driver.bridge_host import MOST_BYTES, Call, Happened, Judge, Judged, Opened, Opening, Refreshed, Reply
 from hardware_bridge.driver.events import Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.driver.motion_handle import MotionHandle, MotionResult, Progress
 from hardware_bridge.errors import StateError
@@ -170,7 +170,7 @@ class HostProcess:
                 problem = "no bridge is open" if bridge is None else bridge.rules.shape_check(question.lengths_m)
             except Exception as failure:  # whatever it is: what was not judged does not move
                 problem = f"cannot be judged, internal error: {failure!r}"
-            self.tell(Verdict(question.number, problem))
+            self.tell(Judged(question.number, problem))
 
 
 class RemoteBridge:

@@ -43,7 +43,7 @@ class Handshake:
         device: the pty behind the link.
         time_scale: its robot seconds per second.
         observer: path of its observer's socket.
-        board: the board that it emulates (see `codecs.registry`).
+        board: the board that it emulates (see `boards.registry`).
     """
 
     pid: int

@@ -167,7 +167,7 @@ def live_name(topic: str) -> str:
     return topic.removeprefix("/recorded/").lstrip("/")
 
 
-class _Channel(NamedTuple):
+class _Topic(NamedTuple):
     topic: str
     encoding: str
     schema: tuple[str, str, str] | None
@@ -182,7 +182,7 @@ class _Reading:
         self._stream, self._size = stream, size
         self._topics = topics
         self._schemas: dict[int, tuple[str, str, str]] = {}
-        self._channels: dict[int, _Channel] = {}
+        self._channels: dict[int, _Topic] = {}
         self._records = self._wanted = self._unpacked = self._attached = 0
         self._at = 0
         self._crc = 0
@@ -281,7 +281,7 @@ class _Reading:
             case Opcode.CHANNEL:
                 channel = Channel.read(fields)
                 topic, of_type = live_name(channel.topic), self._schemas.get(channel.schema_id)
-                known = _Channel(topic, channel.message_encoding, of_type, is_among(topic, self._topics))
+                known = _Topic(topic, channel.message_encoding, of_type, is_among(topic, self._topics))
                 self._channels.setdefault(channel.id, known)
             case Opcode.MESSAGE:
                 self._take_message(body, 0, len(body))

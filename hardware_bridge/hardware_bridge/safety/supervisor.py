@@ -47,11 +47,11 @@ from hardware_bridge.safety.supervisor_messages import (
     Kind,
     LastFrame,
     Lease,
-    LinkLost,
+    LinkDown,
     Mode,
     Motion,
+    MotionOutcome,
     Now,
-    Outcome,
     Prove,
     Reset,
     Send,
@@ -118,7 +118,7 @@ class Supervisor:
                 return self._stop(state, event.reason, now)
             case Supply():
                 return replace(state, supply_mv=event.millivolts), ()
-            case LinkLost() | Fail():
+            case LinkDown() | Fail():
                 return self._fail(state, event, now)
             case Reset():
                 return self._reset(state), ()
@@ -176,7 +176,7 @@ class Supervisor:
             raise FaultLatched("disarm", state.reason)
         if state.lease is not None and event.lease != state.lease.token:
             raise LeaseError(event.lease, f"{state.lease.holder} holds another one; ask there, or stop")
-        held = self._end(state, now, Mode.DISARMED, "", Outcome.HELD, "disarmed")
+        held = self._end(state, now, Mode.DISARMED, "", MotionOutcome.HELD, "disarmed")
         return replace(held[0], lease=None, homed=False), held[1]
 
     def _hold(self, state: State, event: Hold, now: Now) -> Result:
@@ -184,20 +184,20 @@ class Supervisor:
         if event.number is not None and not (state.motion is not None and state.motion.number == event.number):
             return state, ()
         if state.mode is Mode.HOMING:  # half homed is not homed
-            held = self._end(state, now, Mode.HOLD, f"{event.reason}; arm again", Outcome.HELD, event.reason)
+            held = self._end(state, now, Mode.HOLD, f"{event.reason}; arm again", MotionOutcome.HELD, event.reason)
             return replace(held[0], lease=None), held[1]
         if state.mode is Mode.ARMED or running:
-            return self._end(state, now, Mode.HOLD, event.reason, Outcome.HELD, event.reason)
+            return self._end(state, now, Mode.HOLD, event.reason, MotionOutcome.HELD, event.reason)
         return state, ()
 
     def _stop(self, state: State, reason: str, now: Now) -> Result:
         latched = state.reason if state.mode is Mode.FAULT else reason
-        stopped = self._end(state, now, Mode.FAULT, latched, Outcome.FAULT, reason)
+        stopped = self._end(state, now, Mode.FAULT, latched, MotionOutcome.FAULT, reason)
         return replace(stopped[0], lease=None, homed=False), stopped[1]
 
-    def _fail(self, state: State, event: LinkLost | Fail, now: Now) -> Result:
+    def _fail(self, state: State, event: LinkDown | Fail, now: Now) -> Result:
         ended, effects = self._stop(state, event.reason, now)
-        if isinstance(event, LinkLost):  # nothing can be sent, and who knows whether the board kept its power
+        if isinstance(event, LinkDown):  # nothing can be sent, and who knows whether the board kept its power
             effects = tuple(effect for effect in effects if not isinstance(effect, Send))
             ended = replace(ended, energised=_NOBODY, pulses_us=state.pulses_us, last_frame=None)
         return ended, effects
@@ -217,7 +217,7 @@ class Supervisor:
         if state.lease is not None and self._silent(state.lease, now):
             limit_s = self.rules.limits.lease_silence_s
             reason = f"{state.lease.holder} was silent for more than {limit_s:g} s; arm again"
-            held = self._end(state, now, Mode.HOLD, reason, Outcome.HELD, reason)
+            held = self._end(state, now, Mode.HOLD, reason, MotionOutcome.HELD, reason)
             return replace(held[0], lease=None, homed=False), held[1]
         if congested:
             return state, ()
@@ -246,7 +246,7 @@ class Supervisor:
                 return replace(state, motion=motion), ()
             if motion.number == HOMING_NUMBER:
                 return replace(state, mode=Mode.ARMED, reason="", motion=None, homed=True), ()
-            return replace(state, motion=None), (Finished(motion.number, Outcome.DONE, ""),)
+            return replace(state, motion=None), (Finished(motion.number, MotionOutcome.DONE, ""),)
         period_s = self.rules.pacing.period_s
         elapsed_s = period_s if motion.ticked_s is None else max(0.0, now.robot_s - motion.ticked_s)
         where = self._where(state, now)
@@ -309,7 +309,7 @@ class Supervisor:
 
     # ---- shared -----------------------------------------------------------------------------------------------------
 
-    def _end(self, state: State, now: Now, mode: Mode, reason: str, outcome: Outcome, why: str) -> Result:
+    def _end(self, state: State, now: Now, mode: Mode, reason: str, outcome: MotionOutcome, why: str) -> Result:
         """Ends motion and homing, and holds every strut that is under power where the board is."""
         effects: list[Effect] = []
         ended = replace(state, mode=mode, reason=reason, motion=None, energising=0)

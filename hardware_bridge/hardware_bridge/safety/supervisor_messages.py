@@ -37,7 +37,7 @@ class Kind(StrEnum):
     HOLD = "hold"
 
 
-class Outcome(StrEnum):
+class MotionOutcome(StrEnum):
     """How a motion ended."""
 
     DONE = "done"
@@ -185,7 +185,7 @@ class Stop:
 
 
 @dataclass(frozen=True)
-class LinkLost:
+class LinkDown:
     """The port failed, or the board fell silent."""
 
     reason: str
@@ -217,7 +217,7 @@ class Tick:
     congested: bool = False
 
 
-Event = Arm | Disarm | Prove | Execute | Hold | Stop | LinkLost | Supply | Fail | Reset | Tick
+Event = Arm | Disarm | Prove | Execute | Hold | Stop | LinkDown | Supply | Fail | Reset | Tick
 
 
 # ---- effects --------------------------------------------------------------------------------------------------------
@@ -238,7 +238,7 @@ class Finished:
     """A motion ended."""
 
     number: int
-    outcome: Outcome
+    outcome: MotionOutcome
     reason: str
 
 

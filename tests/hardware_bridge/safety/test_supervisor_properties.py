@@ -25,7 +25,7 @@ from hardware_bridge.safety.supervisor_messages import (
     Fail,
     Hold,
     Kind,
-    LinkLost,
+    LinkDown,
     Mode,
     Now,
     Prove,
@@ -167,7 +167,7 @@ class AnySequence(RuleBasedStateMachine):
 
     @rule()
     def lose_the_link(self) -> None:
-        effects = self.feed(LinkLost("gone"))
+        effects = self.feed(LinkDown("gone"))
         assert not any(isinstance(effect, Send) for effect in effects)
         assert not any(self.state.energised)
         assert self.state.mode is Mode.FAULT

@@ -20,7 +20,7 @@ from hardware_bridge.errors import PositionUnknown, PrototypeError, TimeScaleErr
 from hardware_bridge.prototype_client.handshake import observer_path, read_handshake
 from hardware_bridge.prototype_client.observation import Observation, decode_observation
 from hardware_bridge.prototype_client.observer_client import ObserverClient
-from hardware_bridge.safety.supervisor_messages import Mode, Outcome
+from hardware_bridge.safety.supervisor_messages import Mode, MotionOutcome
 from hardware_bridge.safety.trajectory import Trajectory
 from hardware_bridge.virtual_prototype.boards.registry import emulate
 from hardware_bridge.virtual_prototype.main_loop import VirtualPrototype
@@ -65,7 +65,7 @@ def test_killing_the_prototype_is_a_lost_link_and_a_new_one_is_another_robot(sta
         assert handle.wait(20.0)
     result = handle.result()
     assert result is not None
-    assert result.outcome is Outcome.FAULT
+    assert result.outcome is MotionOutcome.FAULT
     start_prototype(time_scale=4.0)
     bridge.reset()
     assert bridge.snapshot().link_ok

@@ -19,7 +19,7 @@ class EmulatedBoard(ABC):
     """A board as its makers describe it; each kind adds its own bytes and quirks.
 
     Attributes:
-        spec: the board, as `codecs.registry` names it.
+        spec: the board, as `boards.registry` names it.
         orders: what the outputs must do, with the robot time of each; whoever drives the outputs takes from the left.
         battery_mv: supply voltage in [mV], set by whoever models the supply.
     """
