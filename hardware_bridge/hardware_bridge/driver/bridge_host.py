@@ -12,7 +12,7 @@ import logging
 import os
 import pickle
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from multiprocessing.connection import Connection
@@ -34,6 +34,9 @@ MOST_BYTES = 8 * 1024 * 1024
 
 REFRESH_S = 0.1
 """Wall time between snapshots that nobody asks for: the other end looks at the newest, and never waits for one."""
+
+_SLOW = frozenset({"open", "close", "reset", "arm", "judge_homing", "judge_motion", "execute"})
+"""Calls that may wait for something: each has a thread of its own."""
 
 MOST_WAITING = 20_000
 """Events that wait for the other end, a quarter of an hour of them: then it will never read them."""
@@ -57,11 +60,12 @@ class Opened(NamedTuple):
 
 
 class Call(NamedTuple):
-    """To the host: call a method."""
+    """To the host: call a method of the bridge, or one of the host's own."""
 
     number: int
     name: str
-    arguments: tuple[Any, ...]
+    arguments: tuple[Any, ...] = ()
+    options: Mapping[str, Any] = {}
 
 
 class Judged(NamedTuple):
@@ -112,21 +116,11 @@ class BridgeHost:
         self._lock = threading.Lock()
         self._waiting: SimpleQueue[bytes] = SimpleQueue()
         self._writer = threading.Thread(target=self._write, name="events out", daemon=True)
-        self._calls: dict[str, tuple[Callable[..., Any], bool]] = {  # name -> (method, whether it may wait)
-            "open": (self._open, True),
-            "close": (self._close, True),
-            "reset": (lambda: self._present.reset(), True),
-            "arm": (lambda *words: self._present.arm(*words), True),
-            "judge_homing": (lambda lengths: self._present.judge_homing(lengths), True),
-            "judge_motion": (lambda *words: self._present.judge_motion(*words), True),
-            "execute": (self._execute, True),
-            "disarm": (lambda lease: self._present.disarm(lease), False),
-            "prove": (lambda lease: self._present.prove(lease), False),
-            "hold": (lambda reason: self._present.hold(reason), False),
-            "stop": (lambda reason: self._present.stop(reason), False),
-            "observe_face": (lambda *words: self._present.observe_face(*words), False),
-            "returns": (lambda trajectory: self._present.returns(trajectory), False),
-            "cancel": (self._cancel, False),
+        self._own: dict[str, Callable[..., Any]] = {
+            "open": self._open,
+            "close": self._close,
+            "execute": self._execute,
+            "cancel": self._cancel,
         }
 
     def serve(self) -> None:
@@ -138,7 +132,7 @@ class BridgeHost:
                 message = pickle.loads(self._connection.recv_bytes(MOST_BYTES))
                 if isinstance(message, Judged):
                     self._verdicts[message.number].put(message.problem)
-                elif self._calls[message.name][1]:
+                elif message.name in _SLOW:
                     threading.Thread(target=self._answer, args=(message,), name=message.name, daemon=True).start()
                 else:
                     self._answer(message)
@@ -173,7 +167,8 @@ class BridgeHost:
 
     def _answer(self, call: Call) -> None:
         try:
-            value, error = self._calls[call.name][0](*call.arguments), None
+            method = self._own.get(call.name) or getattr(self._present, call.name)
+            value, error = method(*call.arguments, **call.options), None
         except BridgeError as refused:
             value, error = None, refused
         except Exception as failure:
@@ -200,10 +195,10 @@ class BridgeHost:
             raise
         return Opened(bridge.observer, bridge.board_timeout_s, bridge.snapshot())
 
-    def _close(self) -> None:
+    def _close(self, hold: bool = True) -> None:
         self._is_open = False
         try:
-            self._present.close()
+            self._present.close(hold)
         finally:
             self._tell(Refreshed(self._present.snapshot(), {}))
 

@@ -13,11 +13,13 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from dataclasses import replace
+from functools import wraps
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from hardware_bridge.boards.board import Board
+from hardware_bridge.driver.bridge import Bridge
 from hardware_bridge.driver.bridge_host import MOST_BYTES, Call, Happened, Judge, Judged, Opened, Opening, Refreshed, Reply
 from hardware_bridge.driver.events import Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.driver.motion_handle import MotionHandle, MotionResult, Progress
@@ -95,7 +97,7 @@ class HostProcess:
         bridge.refreshed(Refreshed(opened.snapshot, {}))
         return bridge
 
-    def call(self, name: str, *arguments: Any) -> Any:
+    def call(self, name: str, *arguments: Any, **options: Any) -> Any:
         """Calls a method there and waits for its end.
 
         Raises:
@@ -106,7 +108,7 @@ class HostProcess:
             self._count += 1
             number = self._count
             self._asked[number] = asked
-        self.tell(Call(number, name, arguments))
+        self.tell(Call(number, name, arguments, options))
         try:
             return asked.result()
         except CancelledError:
@@ -173,10 +175,26 @@ class HostProcess:
             self.tell(Judged(question.number, problem))
 
 
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+def _remote(method: Callable[Concatenate[Bridge, _P], _R]) -> Callable[Concatenate[RemoteBridge, _P], _R]:
+    """The same method of the bridge in the host's process."""
+
+    @wraps(method)
+    def call(bridge: RemoteBridge, /, *arguments: _P.args, **options: _P.kwargs) -> _R:
+        value: _R = bridge.host.call(method.__name__, *arguments, **options)
+        return value
+
+    return call
+
+
 class RemoteBridge:
     """As `Bridge`, in a host's process. After `close` only `snapshot` is of use.
 
     Attributes:
+        host: where it is.
         port, rules, board: as `Bridge`'s.
         observer: path of the virtual prototype's observer socket; None on a real port.
         board_timeout_s: as `Bridge`'s.
@@ -186,7 +204,7 @@ class RemoteBridge:
         self.port, self.rules, self.board = port, rules, board
         self.observer: str | None = None
         self.board_timeout_s: float | None = None
-        self._host = host
+        self.host = host
         self._callbacks = callbacks
         self._motions: dict[int, MotionHandle] = {}
         self._ends: dict[int, MotionResult] = {}
@@ -194,67 +212,31 @@ class RemoteBridge:
         self._snapshot: Snapshot | None = None
         self._progresses: dict[int, Progress] = {}
 
-    def close(self) -> None:
-        """As `Bridge.close`."""
-        self._host.call("close")
-
-    def judge_homing(self, confirmed_lengths_m: Sequence[float | None] | None = None) -> None:
-        """As `Bridge.judge_homing`."""
-        self._host.call("judge_homing", confirmed_lengths_m)
-
-    def judge_motion(self, trajectory: Trajectory, lease: str) -> None:
-        """As `Bridge.judge_motion`."""
-        self._host.call("judge_motion", trajectory, lease)
-
-    def returns(self, trajectory: Trajectory) -> bool:
-        """As `Bridge.returns`."""
-        return bool(self._host.call("returns", trajectory))
-
-    def arm(
-        self,
-        holder: str,
-        lifted_and_clear: bool,
-        confirmed_lengths_m: Sequence[float | None] | None = None,
-        prototype: str = "",
-    ) -> str:
-        """As `Bridge.arm`."""
-        return str(self._host.call("arm", holder, lifted_and_clear, confirmed_lengths_m, prototype))
-
-    def disarm(self, lease: str) -> None:
-        """As `Bridge.disarm`."""
-        self._host.call("disarm", lease)
+    close = _remote(Bridge.close)
+    judge_homing = _remote(Bridge.judge_homing)
+    judge_motion = _remote(Bridge.judge_motion)
+    returns = _remote(Bridge.returns)
+    arm = _remote(Bridge.arm)
+    disarm = _remote(Bridge.disarm)
+    hold = _remote(Bridge.hold)
+    stop = _remote(Bridge.stop)
+    reset = _remote(Bridge.reset)
+    observe_face = _remote(Bridge.observe_face)
 
     def prove(self, lease: str) -> None:
         """As `Bridge.prove`, but waits for no answer: a proof that is refused is as good as none."""
-        self._host.tell(Call(0, "prove", (lease,)))
+        self.host.tell(Call(0, "prove", (lease,)))
 
     def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0) -> MotionHandle:
         """As `Bridge.execute`."""
-        number, duration_s = self._host.call("execute", trajectory, lease, stamp_age_s, time.monotonic())
-        handle = MotionHandle(number, duration_s, self._progress, lambda number, reason: self._host.call("cancel", number, reason))
+        number, duration_s = self.host.call("execute", trajectory, lease, stamp_age_s, time.monotonic())
+        handle = MotionHandle(number, duration_s, self._progress, lambda number, reason: self.host.call("cancel", number, reason))
         with self._lock:
             if number in self._ends:
                 handle.finish(self._ends.pop(number))
             else:
                 self._motions[number] = handle
         return handle
-
-    def hold(self, reason: str) -> None:
-        """As `Bridge.hold`."""
-        self._host.call("hold", reason)
-
-    def stop(self, reason: str = "stop pressed") -> None:
-        """As `Bridge.stop`."""
-        self._host.call("stop", reason)
-
-    def reset(self) -> None:
-        """As `Bridge.reset`."""
-        self._host.call("reset")
-
-    def observe_face(self, face: str, source: str, settled: bool, detail: str = "") -> FaceEvent:
-        """As `Bridge.observe_face`."""
-        event: FaceEvent = self._host.call("observe_face", face, source, settled, detail)
-        return event
 
     def snapshot(self) -> Snapshot:
         """As `Bridge.snapshot`, at most `REFRESH_S` old; every change of state is in it at once. Waits for nothing."""

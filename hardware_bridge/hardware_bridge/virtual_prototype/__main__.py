@@ -21,8 +21,7 @@ from hardware_bridge.errors import BridgeError, ParameterError
 from hardware_bridge.prototype_client.handshake import default_link
 from hardware_bridge.virtual_prototype.boards.maestro import ControlCenter
 from hardware_bridge.virtual_prototype.boards.registry import emulate
-from hardware_bridge.virtual_prototype.body import SimulatedBody
-from hardware_bridge.virtual_prototype.loaded_body import ActuatedBody
+from hardware_bridge.virtual_prototype.body import ActuatedBody, SimulatedBody
 from hardware_bridge.virtual_prototype.main_loop import VirtualPrototype
 from sim_core.dynamics.actuators import STAND_IN, require_actuators
 from sim_core.errors import SimError
