@@ -22,7 +22,6 @@ from hardware_bridge.driver.events import Callbacks, FaceEvent, SentEvent, Snaps
 from hardware_bridge.driver.motion_handle import MotionHandle, MotionResult, Progress
 from hardware_bridge.driver.robot_clock import RobotClock
 from hardware_bridge.errors import BridgeError, LinkLost, ShapeError, StateFileError
-from hardware_bridge.link.backpressure import Congestion
 from hardware_bridge.link.board_health import Answer, judge
 from hardware_bridge.link.board_link import Link
 from hardware_bridge.link.latency import Latency
@@ -93,7 +92,6 @@ class Engine:
         self._count = _Counters()
         self._latency = Latency()
         self._written_in_tick = False
-        self._congestion = Congestion()
         self._board_errors: tuple[str, ...] = ()
         self._told: tuple[object, ...] = ()
         self._bars = 0
@@ -109,7 +107,7 @@ class Engine:
         self.state = State()
         if was.mode is Mode.FAULT:
             self.state = replace(self.state, mode=Mode.FAULT, reason=was.reason)
-        self._count, self._latency, self._congestion = _Counters(), Latency(), Congestion()
+        self._count, self._latency = _Counters(), Latency()
         self._board_errors = ()
         self.link.begin_counting()
         self._records = None
@@ -150,7 +148,7 @@ class Engine:
             if self.link.is_up:
                 try:
                     now_s = self.clock.now().wall_s
-                    congested = self._congestion.look(self.link, now_s)  # before a question is put behind the last frame
+                    congested = self.link.holds_back(now_s)  # before a question is put behind the last frame
                     answer = self.link.attend(now_s, self.state.energised)
                     if answer is not None:
                         self._judge(answer)
@@ -382,7 +380,7 @@ class Engine:
                 frames_sent=count.frames_sent,
                 write_errors=self.link.write_errors,
                 late_periods=count.late_periods,
-                congested_periods=self._congestion.periods,
+                congested_periods=self.link.congested_periods,
                 duty_limit_s=self._rules.limits.duty_s,
                 supply_low_v=self._rules.limits.supply_low_v,
                 write_latency=self._latency.percentiles(),

@@ -15,6 +15,9 @@ from hardware_bridge.link.board_health import Answer
 from hardware_bridge.link.latency import Latency, Replies
 from hardware_bridge.link.transport import SerialTransport
 
+PORT_LIMIT_S = 0.5
+"""Longest wall time for which the port may keep its bytes to itself before the link is lost."""
+
 LATE_ANSWER_S = 0.5
 """Wall time after which a board that used to answer is late: what is sent to it may be queueing somewhere."""
 
@@ -38,6 +41,7 @@ class Link:
         is_up: the port is open and nothing has failed since.
         battery_mv: last supply voltage that the board told, in [mV].
         write_errors: failed or partial writes.
+        congested_periods: how often `holds_back` said yes.
     """
 
     def __init__(
@@ -66,7 +70,8 @@ class Link:
         self._opened_s = 0.0
         self._dirty = False
         self.battery_mv: int | None = None
-        self.write_errors = 0
+        self.write_errors = self.congested_periods = 0
+        self._holds_since_s: float | None = None
         self._questions = self._unanswered = self._bad = 0
         self._reply_latency = Latency()
 
@@ -112,7 +117,8 @@ class Link:
 
     def begin_counting(self) -> None:
         """All counts from 0."""
-        self.write_errors = self._questions = self._unanswered = self._bad = 0
+        self.write_errors = self.congested_periods = self._questions = self._unanswered = self._bad = 0
+        self._holds_since_s = None
         self._reply_latency = Latency()
 
     @property
@@ -165,17 +171,26 @@ class Link:
             self.write_errors += 1
             raise
 
-    def is_congested(self) -> bool:
-        """Whether anything is still waiting in the port: what is sent now would reach the board later than its turn."""
-        return self.transport.pending_bytes() > 0
+    def holds_back(self, now_s: float) -> bool:
+        """Whether a frame would only queue behind others: then it is not sent, and the motion goes on later.
 
-    def is_late(self, now_s: float) -> bool:
-        """Whether a board that used to answer has been silent for `LATE_ANSWER_S`.
+        The port still holds the frame before, or the board's answer is late: a slow radio link may hold back bytes where no port
+        tells of them. To be asked before every frame; `now_s` is wall time.
 
-        A slow radio link may hold back bytes where no port tells of them.
+        Raises:
+            LinkLost: the port has sent nothing on for `PORT_LIMIT_S`. A late answer has a limit of its own, see `attend`.
         """
+        if self.transport.pending_bytes() > 0:
+            self._holds_since_s = now_s if self._holds_since_s is None else self._holds_since_s
+            self.congested_periods += 1
+            if now_s - self._holds_since_s > PORT_LIMIT_S:
+                raise self.lost(f"has sent nothing on for {PORT_LIMIT_S:g} s")
+            return True
+        self._holds_since_s = None
         since_s = self._unanswered_since_s
-        return self._answers and since_s is not None and now_s - since_s > LATE_ANSWER_S
+        late = self._answers and since_s is not None and now_s - since_s > LATE_ANSWER_S
+        self.congested_periods += late
+        return late
 
     def attend(self, now_s: float, energised: Sequence[bool] = ()) -> Answer | None:
         """Reads what came, asks for a sign of life when it is time, and judges silence. `now_s` is wall time.
