@@ -31,7 +31,6 @@ from hardware_bridge.safety.supervisor import Supervisor
 from hardware_bridge.safety.supervisor_messages import (
     HOMING_NUMBER,
     Event,
-    Fail,
     Finished,
     Hold,
     Kind,
@@ -40,6 +39,7 @@ from hardware_bridge.safety.supervisor_messages import (
     Reset,
     Send,
     State,
+    Stop,
     Supply,
     Tick,
 )
@@ -166,7 +166,7 @@ class Engine:
     def tick_failed(self, error: Exception) -> None:
         """The frame loop has a bug: latches."""
         with self.lock:
-            self.apply(Fail(f"internal error in the frame loop: {error}"))
+            self.apply(Stop(f"internal error in the frame loop: {error}"))
 
     @contextmanager
     def barred(self) -> Iterator[None]:
@@ -267,9 +267,9 @@ class Engine:
             if isinstance(error, ShapeError):  # between two shapes that were judged when the motion was accepted
                 return Hold(f"held before a frame: {error}")
             if isinstance(error, BridgeError):
-                return Fail(f"frame not sent: {error}")
+                return Stop(f"frame not sent: {error}")
             _log.exception("sending a frame")
-            return Fail(f"frame not sent, internal error: {error!r}")
+            return Stop(f"frame not sent, internal error: {error!r}")
         self._track.sent(send.struts, send.pulses_us, send.duration_ms, now_s)
         self._count.frames_sent += 1
         self._written_in_tick = True

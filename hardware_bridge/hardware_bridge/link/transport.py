@@ -13,6 +13,7 @@ import os
 import select
 import threading
 import time
+from concurrent.futures import Future, wait
 
 import serial
 
@@ -47,7 +48,7 @@ class SerialTransport:
         self._serial: serial.Serial | None = None
         self._lock: PortLock | None = None
         self.descriptor: int | None = None
-        self._opening: threading.Thread | None = None
+        self._opening: Future[tuple[serial.Serial, PortLock]] | None = None
 
     def open(self) -> None:
         """Opens the port exclusively, whatever its name is spelled like (see `port_lock`).
@@ -131,39 +132,27 @@ class SerialTransport:
         return LinkLost(self.port, problem, remedy, dirty)
 
     def _open_within_limit(self) -> tuple[serial.Serial, PortLock]:
-        opened: list[tuple[serial.Serial, PortLock]] = []
-        failed: list[BaseException] = []
-        lock = threading.Lock()
-        given_up = False
+        deadline = time.monotonic() + self.open_timeout_s
+        too_late = PortMissing(self.port, f"did not open in {self.open_timeout_s:g} s", REMEDY_MISSING)
+        if self._opening is not None and not wait([self._opening], self.open_timeout_s).done:
+            raise too_late  # an attempt that was given up still holds the port
+        opening: Future[tuple[serial.Serial, PortLock]] = Future()
+        self._opening = opening
 
         def work() -> None:
             try:
-                port, held = self._open_locked()
+                opening.set_result(self._open_locked())
             except Exception as error:
-                failed.append(error)
-                return
-            with lock:
-                if given_up:
-                    port.close()
-                    held.release()
-                else:
-                    opened.append((port, held))
+                opening.set_exception(error)
 
-        deadline = time.monotonic() + self.open_timeout_s
-        if self._opening is not None:
-            self._opening.join(self.open_timeout_s)  # an attempt that was given up still holds the port
-            if self._opening.is_alive():
-                raise PortMissing(self.port, f"did not open in {self.open_timeout_s:g} s", REMEDY_MISSING)
-        self._opening = threading.Thread(target=work, name="open serial port", daemon=True)
-        self._opening.start()
-        self._opening.join(max(0.0, deadline - time.monotonic()))
-        with lock:
-            if opened:
-                return opened[0]
-            given_up = True
-        if failed:
-            raise self._explain(failed[0]) from failed[0]
-        raise PortMissing(self.port, f"did not open in {self.open_timeout_s:g} s", REMEDY_MISSING)
+        threading.Thread(target=work, name="open serial port", daemon=True).start()
+        if not wait([opening], max(0.0, deadline - time.monotonic())).done:
+            opening.add_done_callback(_let_go)
+            raise too_late
+        try:
+            return opening.result()
+        except Exception as error:
+            raise self._explain(error) from error
 
     def _open_locked(self) -> tuple[serial.Serial, PortLock]:
         held = lock_port(self.port)
@@ -184,7 +173,7 @@ class SerialTransport:
             raise
         return port, held
 
-    def _explain(self, error: BaseException) -> TransportError:
+    def _explain(self, error: Exception) -> TransportError:
         if isinstance(error, TransportError):
             return error
         number = getattr(error, "errno", None)
@@ -203,3 +192,11 @@ def _descriptor(port: serial.Serial) -> int | None:
         return int(port.fileno())
     except (OSError, AttributeError):
         return None
+
+
+def _let_go(opening: Future[tuple[serial.Serial, PortLock]]) -> None:
+    """Of a port that opened when nobody waited for it any more."""
+    if opening.exception() is None:
+        port, held = opening.result()
+        port.close()
+        held.release()

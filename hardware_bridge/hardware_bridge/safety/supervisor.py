@@ -41,7 +41,6 @@ from hardware_bridge.safety.supervisor_messages import (
     Effect,
     Event,
     Execute,
-    Fail,
     Finished,
     Hold,
     Kind,
@@ -118,8 +117,8 @@ class Supervisor:
                 return self._stop(state, event.reason, now)
             case Supply():
                 return replace(state, supply_mv=event.millivolts), ()
-            case LinkDown() | Fail():
-                return self._fail(state, event, now)
+            case LinkDown():
+                return self._lose_link(state, event, now)
             case Reset():
                 return self._reset(state), ()
 
@@ -195,12 +194,11 @@ class Supervisor:
         stopped = self._end(state, now, Mode.FAULT, latched, MotionOutcome.FAULT, reason)
         return replace(stopped[0], lease=None, homed=False), stopped[1]
 
-    def _fail(self, state: State, event: LinkDown | Fail, now: Now) -> Result:
+    def _lose_link(self, state: State, event: LinkDown, now: Now) -> Result:
+        """Nothing can be sent, and who knows whether the board kept its power."""
         ended, effects = self._stop(state, event.reason, now)
-        if isinstance(event, LinkDown):  # nothing can be sent, and who knows whether the board kept its power
-            effects = tuple(effect for effect in effects if not isinstance(effect, Send))
-            ended = replace(ended, energised=_NOBODY, pulses_us=state.pulses_us, last_frame=None)
-        return ended, effects
+        ended = replace(ended, energised=_NOBODY, pulses_us=state.pulses_us, last_frame=None)
+        return ended, tuple(effect for effect in effects if not isinstance(effect, Send))
 
     def _reset(self, state: State) -> State:
         if state.mode is not Mode.FAULT:

@@ -179,7 +179,7 @@ class Hold:
 
 @dataclass(frozen=True)
 class Stop:
-    """Stop pressed."""
+    """Stop pressed, or anything else that must latch."""
 
     reason: str = "stop pressed"
 
@@ -199,13 +199,6 @@ class Supply:
 
 
 @dataclass(frozen=True)
-class Fail:
-    """Anything else that must latch."""
-
-    reason: str
-
-
-@dataclass(frozen=True)
 class Reset:
     """Leaves FAULT."""
 
@@ -217,7 +210,7 @@ class Tick:
     congested: bool = False
 
 
-Event = Arm | Disarm | Prove | Execute | Hold | Stop | LinkDown | Supply | Fail | Reset | Tick
+Event = Arm | Disarm | Prove | Execute | Hold | Stop | LinkDown | Supply | Reset | Tick
 
 
 # ---- effects --------------------------------------------------------------------------------------------------------

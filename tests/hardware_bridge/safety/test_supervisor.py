@@ -27,7 +27,6 @@ from hardware_bridge.safety.supervisor_messages import (
     Effect,
     Event,
     Execute,
-    Fail,
     Finished,
     Hold,
     Kind,
@@ -345,6 +344,6 @@ def test_a_lost_link_latches_and_sends_nothing(armed: Driver) -> None:
 
 
 def test_an_internal_failure_latches_and_holds(armed: Driver) -> None:
-    effects = armed.feed(Fail("bug"))
+    effects = armed.feed(Stop("bug"))
     assert isinstance(effects[0], Send)
     assert armed.state.mode is Mode.FAULT

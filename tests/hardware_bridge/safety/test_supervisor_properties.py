@@ -22,7 +22,6 @@ from hardware_bridge.safety.supervisor_messages import (
     Disarm,
     Event,
     Execute,
-    Fail,
     Hold,
     Kind,
     LinkDown,
@@ -174,7 +173,7 @@ class AnySequence(RuleBasedStateMachine):
 
     @rule()
     def fail(self) -> None:
-        self.feed(Fail("bug"))
+        self.feed(Stop("bug"))
         assert self.state.mode is Mode.FAULT
 
     @rule()
