@@ -91,7 +91,7 @@ class CalibrationError(BridgeError):
 class StateFileError(BridgeError):
     """What must outlive the bridge cannot be kept: without the last pulses the next homing would be blind."""
 
-    def __init__(self, path: str, problem: str, what: str = "the last pulses") -> None:
+    def __init__(self, path: str, problem: str, what: str) -> None:
         super().__init__(f"cannot keep {what} in {path}: {problem}; make the folder writable or free space")
 
 

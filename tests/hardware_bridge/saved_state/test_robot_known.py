@@ -17,7 +17,6 @@ from hardware_bridge.errors import DutyError, PortBusy, PositionUnknown
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.supervisor_messages import LinkDown, Mode
 from hardware_bridge.safety.trajectory import Trajectory
-from hardware_bridge.saved_state import state_file
 from tests.hardware_bridge.driver.test_bridge import armed
 from tests.hardware_bridge.helpers import MID, MID_M, Wire, wait_for
 
@@ -210,7 +209,6 @@ def test_a_reset_believes_memory_and_not_a_record_that_could_not_be_written(
         raise OSError(30, "Read-only file system")
 
     with monkeypatch.context() as broken, bridge._engine.lock:
-        broken.setattr(state_file, "write", fails)
         broken.setattr(Path, "unlink", fails)
         bridge._engine.forget_positions()
         bridge._link.is_up = False
