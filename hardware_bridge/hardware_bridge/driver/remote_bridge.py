@@ -38,11 +38,9 @@ class HostProcess:
     """
 
     def __init__(self, command: Sequence[str], on_end: Callable[[str], None]) -> None:
-        """Starts it.
+        """Starts a program; the number of its end of the connection is added as the last word.
 
-        Args:
-            command: the program; the number of its end of the connection is added as the last word.
-            on_end: told once, from another thread, if the process ends by itself, and how.
+        `on_end` is told once, from another thread, if the process ends by itself, and how.
         """
         here, there = socket.socketpair()
         with there:

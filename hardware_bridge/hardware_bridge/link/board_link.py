@@ -195,14 +195,8 @@ class Link:
     def attend(self, now_s: float, energised: Sequence[bool] = ()) -> Answer | None:
         """Reads what came, asks for a sign of life when it is time, and judges silence. `now_s` is wall time.
 
-        A board that has never answered is not missed: it is not armed either, see `require_answered`.
-
-        Args:
-            now_s: wall time, in [s].
-            energised: which channels have been sent a pulse.
-
-        Returns:
-            the board's answer, if it has become complete.
+        Gives the board's answer, if it has become complete; `energised` are the channels that have been sent a pulse. A board
+        that has never answered is not missed: it is not armed either, see `require_answered`.
 
         Raises:
             LinkLost: the port failed, or a board that used to answer has been silent for too long.

@@ -31,11 +31,7 @@ def share_directories() -> tuple[Path, ...]:
 
 
 class ShareSchemas:
-    """Looks types up in `share` folders, the first that has them winning. Its methods fit `Recorder`.
-
-    Args:
-        directories: by default `share_directories`.
-    """
+    """Looks types up in folders (None: `share_directories`), the first that has them winning. Its methods fit `Recorder`."""
 
     def __init__(self, directories: Iterable[Path] | None = None) -> None:
         self._directories = tuple(share_directories() if directories is None else directories)

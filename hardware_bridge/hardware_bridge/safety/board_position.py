@@ -27,9 +27,6 @@ class BoardTrack:
     """One ramp a strut, from where its output was when a frame was handed over.
 
     No board tells where it is. If it does what it is told, it is here, only later by what the line takes.
-
-    Args:
-        move_time: of the board.
     """
 
     def __init__(self, move_time: MoveTime) -> None:

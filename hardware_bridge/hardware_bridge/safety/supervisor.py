@@ -80,14 +80,7 @@ class _Where(NamedTuple):
 
 
 class Supervisor:
-    """The state machine under a set of rules.
-
-    Attributes:
-        rules: calibration, limits, pacing and shape check.
-
-    Args:
-        move_time: how long the board takes for a way.
-    """
+    """The state machine under a set of rules; `move_time` says how long the board takes for a way."""
 
     def __init__(self, rules: Rules, move_time: MoveTime) -> None:
         self.rules = rules

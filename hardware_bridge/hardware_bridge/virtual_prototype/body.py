@@ -110,13 +110,6 @@ class ActuatedBody(SimulatedBody):
 
     Each actuator's speed, stall and back-drive force are off by up to the perturbation, from a draw of their own, so that
     body and ropes are those of the same seed with ideal actuators.
-
-    Args:
-        face: it rests on.
-        perturbation: scale of its perturbation, 0.05 for 5 %.
-        seed: of the draws.
-        parameters: of the actuators.
-        incline_deg, downhill_rad: see `SimulatedBody`.
     """
 
     def __init__(

@@ -65,12 +65,7 @@ class Faults:
         return modelled_v if self._supply_v is None else self._supply_v
 
     def stalled(self, targets_m: NDArray[np.float64], lengths_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Targets of six struts, with those that are stuck where they were last sent. NaN: no pulse.
-
-        Args:
-            targets_m: targets now, in [m], NaN: no pulse. Shape (6,).
-            lengths_m: targets of the last time, in [m]. Shape (6,).
-        """
+        """Targets now, with struts that are stuck where they were sent last, `lengths_m`. In [m], NaN: no pulse. Shape (6,)."""
         for index in self._stalling:
             if not np.isnan(lengths_m[index]):
                 self._stalled_m.setdefault(index, float(lengths_m[index]))
