@@ -14,7 +14,7 @@ import pickle
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any, NamedTuple
@@ -40,15 +40,6 @@ _SLOW = frozenset({"open", "close", "reset", "arm", "judge_homing", "judge_motio
 
 MOST_WAITING = 20_000
 """Events that wait for the other end, a quarter of an hour of them: then it will never read them."""
-
-
-@dataclass(frozen=True)
-class Opening:
-    """What a bridge is opened with: `Bridge`'s arguments, but for its callbacks. Shapes are judged at the other end."""
-
-    port: str
-    rules: Rules
-    options: dict[str, Any]
 
 
 class Opened(NamedTuple):
@@ -176,16 +167,17 @@ class BridgeHost:
             value, error = None, BridgeError(f"internal error in {call.name}: {failure!r}")
         self._tell(Reply(call.number, value, error))
 
-    def _open(self, opening: Opening) -> Opened:
+    def _open(self, port: str, rules: Rules, **options: Any) -> Opened:
+        """Arguments as `Bridge`'s, but for its callbacks. Shapes are judged at the other end."""
         self.end()
         self._motions.clear()
         self._bridge = bridge = Bridge(
-            opening.port,
-            replace(opening.rules, shape_check=self._ask),
+            port,
+            replace(rules, shape_check=self._ask),
             on_sent=lambda event: self._tell(Happened(event)),
             on_face=lambda event: self._tell(Happened(event)),
             on_state=self._on_state,
-            **opening.options,
+            **options,
         )
         self._is_open = True
         try:

@@ -20,7 +20,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from hardware_bridge.boards.board import Board
 from hardware_bridge.driver.bridge import Bridge
-from hardware_bridge.driver.bridge_host import MOST_BYTES, Call, Happened, Judge, Judged, Opened, Opening, Refreshed, Reply
+from hardware_bridge.driver.bridge_host import MOST_BYTES, Call, Happened, Judge, Judged, Opened, Refreshed, Reply
 from hardware_bridge.driver.events import Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.driver.motion_handle import MotionHandle, MotionResult, Progress
 from hardware_bridge.errors import StateError
@@ -89,8 +89,7 @@ class HostProcess:
         bridge = RemoteBridge(self, port, rules, board, Callbacks(on_sent, on_face, on_state))
         self._bridge = bridge
         # The judge of shapes stays here: it is slow, and needs what the host must not load.
-        opening = Opening(port, replace(rules, shape_check=any_shape), {"board": board, **options})
-        opened: Opened = self.call("open", opening)
+        opened: Opened = self.call("open", port, replace(rules, shape_check=any_shape), board=board, **options)
         bridge.observer, bridge.board_timeout_s = opened.observer, opened.board_timeout_s
         bridge.refreshed(Refreshed(opened.snapshot, {}))
         return bridge
