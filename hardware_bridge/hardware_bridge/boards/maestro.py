@@ -60,6 +60,9 @@ ERRORS = (
 """Names of the bits of the error register, lowest first."""
 TIMEOUT_S = (0.01, 655.35)
 
+CHANNELS = 24
+"""Of the largest; the smaller ones have 6, 12 or 18."""
+
 _U14 = (0, 0x3FFF)
 _SILENT_PERIODS = 4
 
@@ -128,7 +131,7 @@ class Maestro(Board):
         """What the bytes do not say."""
         return Quirks(
             pulse_us=self.limits_us,
-            channels=(0, 23),
+            channels=(0, CHANNELS - 1),
             duration_ms=(20, 30000),
             longest_frame_bytes=12 * len(self.packet(SET_TARGET, 0, 0, 0)),
             usual_baud=115200,

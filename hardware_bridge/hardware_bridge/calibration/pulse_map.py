@@ -12,7 +12,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from hardware_bridge.boards.names import BOARDS
+from hardware_bridge.boards.registry import BOARDS
 from hardware_bridge.errors import CalibrationError
 from sim_core.errors import FileError, YamlError, brief
 from sim_core.files.bounded_reader import read_bytes

@@ -237,8 +237,8 @@ class Bridge:
         with self._engine.lock:
             self._require_open("arm")
             self._require_prototype(prototype)  # once more: meanwhile another one may have come
-            if lifted_and_clear and self._engine.state.mode is not Mode.FAULT:
-                self._link.require_answered(self._silent_board)
+            if lifted_and_clear and self._engine.state.mode is not Mode.FAULT and not self._silent_board:
+                self._link.require_answered()
             self._engine.save_record()
             self._engine.apply(_arming(holder, lifted_and_clear, token, confirmed_lengths_m))
         return token

@@ -7,7 +7,7 @@ import logging
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hardware_bridge.link.latency import NOTHING_ASKED, NOTHING_MEASURED, Percentiles, Replies
+from hardware_bridge.link.latency import Percentiles, Replies
 from hardware_bridge.safety.supervisor_messages import Mode
 
 _log = logging.getLogger(__name__)
@@ -134,15 +134,15 @@ class Snapshot:
     congested_periods: int
     duty_limit_s: float
     supply_low_v: float
-    write_latency: Percentiles = NOTHING_MEASURED
-    reopened: int = 0
-    board_errors: tuple[str, ...] = ()
-    replies: Replies = NOTHING_ASKED
-    session: str = ""
-    robot: str = ""
-    answered: bool = False
-    duty_known: bool = True
-    prototype: str = ""
+    write_latency: Percentiles
+    reopened: int
+    board_errors: tuple[str, ...]
+    replies: Replies
+    session: str
+    robot: str
+    answered: bool
+    duty_known: bool
+    prototype: str
 
 
 @dataclass(frozen=True)

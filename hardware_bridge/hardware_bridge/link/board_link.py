@@ -97,7 +97,7 @@ class Link:
         """Whether the board has given a sound answer since the port was opened."""
         return self._heard.is_set()
 
-    def wait_for_first_answer(self) -> bool:
+    def wait_for_first_answer(self) -> None:
         """Waits, while somebody calls `attend`, until `has_answered`; not beyond `FIRST_ANSWER_LIMIT_S` after the opening.
 
         May be called from any thread.
@@ -107,13 +107,12 @@ class Link:
             if left_s <= 0.0 or self._liveness_period_s is None:
                 break
             self._heard.wait(min(left_s, 0.05))
-        return self._heard.is_set()
 
-    def require_answered(self, silent_board: bool = False, word: str = "start the bridge with silent_board:=true") -> None:
-        """Raises BoardSilent: the board has never answered, and nobody has said that it cannot."""
-        if self._heard.is_set() or silent_board:
-            return
-        raise silence(self.transport.port, self._board, self._liveness_period_s is not None, word)
+    def require_answered(self) -> None:
+        """Raises BoardSilent: the board has not answered since the port was opened."""
+        if not self._heard.is_set():
+            word = "start the bridge with silent_board:=true"
+            raise silence(self.transport.port, self._board, self._liveness_period_s is not None, word)
 
     def begin_counting(self) -> None:
         """All counts from 0."""

@@ -13,8 +13,7 @@ from pathlib import Path
 from types import FrameType
 
 from hardware_bridge.boards.maestro import TIMEOUT_S, WIDEST_US
-from hardware_bridge.boards.names import VALID
-from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.boards.registry import VALID, parse_board
 from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.driver.events import FACES
 from hardware_bridge.errors import BridgeError, ParameterError

@@ -37,12 +37,10 @@ class ControlCenter:
     Attributes:
         home_us: where an error sends the channels: a pulse in [us]; 0: off; None: nowhere ("Ignore").
         timeout_s: serial time-out in [s]; None: off, as delivered.
-        channels: number of channels: 6, 12, 18 or 24.
     """
 
     home_us: float | None = None
     timeout_s: float | None = None
-    channels: int = 24
 
 
 class EmulatedMaestro(EmulatedBoard):
@@ -54,7 +52,7 @@ class EmulatedMaestro(EmulatedBoard):
         self._board = board
         self._settings = ControlCenter() if settings is None else settings
         self._packet = bytearray()
-        self._speeds = dict.fromkeys(range(self._settings.channels), 0)
+        self._speeds = dict.fromkeys(range(m.CHANNELS), 0)
         self._targets_us: dict[int, float] = {}
         self._heard_s: float | None = None
         self.errors = 0
