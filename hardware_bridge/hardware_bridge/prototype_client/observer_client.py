@@ -26,6 +26,9 @@ class ObserverClient:
         path: the observer's Unix socket, such as `Bridge.observer`; its process must be this user's, or root's.
         on_observation: takes an `Observation`.
         on_connection: told True when the observer is there, False when it is gone.
+
+    Attributes:
+        refused: it was somebody else's.
     """
 
     def __init__(
@@ -37,7 +40,7 @@ class ObserverClient:
         self._path = path
         self._on_observation = on_observation
         self._on_connection = on_connection
-        self._refused = False
+        self.refused = False
         self._ending = threading.Event()
         self._thread = threading.Thread(target=self._run, name="observer", daemon=True)
         self._thread.start()
@@ -57,8 +60,8 @@ class ObserverClient:
                     finally:
                         self._tell(False)
             except PermissionError as error:  # what strangers see is not believed
-                if not self._refused:
-                    self._refused = True
+                if not self.refused:
+                    self.refused = True
                     _log.error("the observer is not followed: %s", error.strerror)
             except OSError:
                 pass  # it is not there, or not yet
