@@ -98,7 +98,7 @@ class Calibration:
         """Whole pulse in [us] for the rest length in [m] of strut `index` (from 0)."""
         return self.struts[index].stroke_to_pulse(length_m - self.mid_stroke_length_m)
 
-    def length_m(self, index: int, pulse_us: int) -> float:
+    def length_m(self, index: int, pulse_us: float) -> float:
         """Rest length in [m] that `pulse_us` really asks strut `index` (from 0) for."""
         return self.mid_stroke_length_m + self.struts[index].pulse_to_stroke(pulse_us)
 

@@ -29,12 +29,11 @@ from hardware_bridge.safety.duty_cycle import returns
 from hardware_bridge.safety.homing import homing_path, known_pulses
 from hardware_bridge.safety.limit_checks import SHAPE_STEP_M, Rules, check_homing, check_trajectory
 from hardware_bridge.safety.shape_cache import ShapeMemory
-from hardware_bridge.safety.supervisor_messages import Arm, Disarm, Execute, Hold, Mode, Prove, Reset, Stop
+from hardware_bridge.safety.supervisor_messages import NONE_KNOWN, Arm, Disarm, Execute, Hold, Mode, Prove, Reset, Stop
 from hardware_bridge.safety.trajectory import Trajectory
 from hardware_bridge.saved_state.robot_identity import identity_of
 from hardware_bridge.saved_state.robot_records import Records
 from hardware_bridge.saved_state.state_file import state_directory
-from sim_core.names import STRUT_NAMES
 from sim_core.printable import NAME_MOST, printable
 
 _log = logging.getLogger(__name__)
@@ -406,4 +405,4 @@ class Bridge:
 
 def _arming(holder: str, clear: bool, token: str, confirmed_m: Sequence[float | None] | None) -> Arm:
     given = () if confirmed_m is None else tuple(confirmed_m)
-    return Arm(printable(holder, NAME_MOST) or "somebody", clear, token, given or (None,) * len(STRUT_NAMES))
+    return Arm(printable(holder, NAME_MOST) or "somebody", clear, token, given or NONE_KNOWN)

@@ -30,6 +30,8 @@ from hardware_bridge.safety.limit_checks import Rules, check_frame
 from hardware_bridge.safety.supervisor import Supervisor
 from hardware_bridge.safety.supervisor_messages import (
     HOMING_NUMBER,
+    NONE_ENERGISED,
+    NONE_KNOWN,
     Event,
     Finished,
     Hold,
@@ -44,7 +46,6 @@ from hardware_bridge.safety.supervisor_messages import (
     Tick,
 )
 from hardware_bridge.saved_state.robot_records import Records
-from sim_core.names import STRUT_NAMES
 
 _log = logging.getLogger(__name__)
 _MOVING = (Kind.ENERGISE, Kind.HOME, Kind.MOVE)
@@ -204,9 +205,8 @@ class Engine:
     def forget_positions(self) -> None:
         """Nobody knows any more where the struts are: the next arm needs the operator's word for each."""
         self._track.forget()
-        nobody, why = (None,) * len(STRUT_NAMES), "the board may have moved or released the struts since they were sent"
-        energised = (False,) * len(STRUT_NAMES)
-        self.state = replace(self.state, pulses_us=nobody, energised=energised, last_frame=None, unknown_why=why)
+        why = "the board may have moved or released the struts since they were sent"
+        self.state = replace(self.state, pulses_us=NONE_KNOWN, energised=NONE_ENERGISED, last_frame=None, unknown_why=why)
         try:
             assert self._records is not None
             self._records.pulses.forget(self._rules.calibration.channels)

@@ -9,6 +9,8 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
+from hardware_bridge.recording.message_definitions import FIELD
+
 TOPICS: dict[str, tuple[str, str]] = {
     "bridge/struts_sent": (
         "tensegrity_interfaces/msg/StrutsSent",
@@ -56,7 +58,6 @@ _PARTS = {
 """What these fields are made of: type, and its fields that are read."""
 
 MOST_DEFINITION = 200_000
-_FIELD = re.compile(r"^([A-Za-z][A-Za-z0-9_/]*)(<=\d+)?(\[[^\]]*\])?[ \t]+([a-z][a-z0-9_]*)[ \t]*(?:[^=\s].*)?$")
 _EMPTY_ARRAY = re.compile(r"\[\s*0+\s*\]")
 
 
@@ -96,8 +97,8 @@ def _fields_of(definition: str) -> dict[str, set[str]]:
         if text.startswith("MSG:"):
             part = text.removeprefix("MSG:").strip()
             continue
-        match = _FIELD.match(text)
+        match = FIELD.match(text)
         if match is not None:
-            kind = match[1].rsplit("/", 1)[-1] + (match[3] or "")
-            found.setdefault(part, set()).add(f"{kind} {match[4]}")
+            kind = match[1].rsplit("/", 1)[-1] + (match[2] or "")
+            found.setdefault(part, set()).add(f"{kind} {match[3]}")
     return found

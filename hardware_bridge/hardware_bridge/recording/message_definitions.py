@@ -19,7 +19,8 @@ from hardware_bridge.errors import SchemaError
 
 _SEPARATOR = "=" * 80
 _HALVES = re.compile(r"^---[ \t]*$\n?", re.MULTILINE)
-_FIELD = re.compile(r"^([A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z][A-Za-z0-9_]*){0,2})(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]")
+FIELD = re.compile(r"^([A-Za-z][A-Za-z0-9_/]*)(?:<=\d+)?(\[[^\]]*\])?[ \t]+([a-z][a-z0-9_]*)[ \t]*(?:[^=\s].*)?$")
+"""A field in a line of a definition: type, array and name. A constant is none."""
 _INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 _PRIMITIVES = _INTEGERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
 
@@ -91,7 +92,7 @@ def dependencies(text: str, short_name: str) -> list[str]:
     package = short_name.split("/", maxsplit=1)[0]
     found = []
     for line in text.splitlines():
-        match = _FIELD.match(line.split("#")[0].strip())
+        match = FIELD.match(line.split("#")[0].strip())
         if match is None or match[1] in _PRIMITIVES:
             continue
         parts = match[1].split("/")

@@ -36,6 +36,7 @@ from hardware_bridge.safety.homing import homing_path, known_pulses
 from hardware_bridge.safety.limit_checks import Rules, check_homing, check_trajectory
 from hardware_bridge.safety.supervisor_messages import (
     HOMING_NUMBER,
+    NONE_ENERGISED,
     Arm,
     Disarm,
     Effect,
@@ -66,7 +67,6 @@ _ROUNDING_S = 1e-6
 _HALF_US = 0.5 + 1e-9
 """Rounding to a whole pulse, at most."""
 _ALL = tuple(range(len(STRUT_NAMES)))
-_NOBODY = (False,) * len(STRUT_NAMES)
 
 Result = tuple[State, tuple[Effect, ...]]
 
@@ -190,7 +190,7 @@ class Supervisor:
     def _lose_link(self, state: State, event: LinkDown, now: Now) -> Result:
         """Nothing can be sent, and who knows whether the board kept its power."""
         ended, effects = self._stop(state, event.reason, now)
-        ended = replace(ended, energised=_NOBODY, pulses_us=state.pulses_us, last_frame=None)
+        ended = replace(ended, energised=NONE_ENERGISED, pulses_us=state.pulses_us, last_frame=None)
         return ended, tuple(effect for effect in effects if not isinstance(effect, Send))
 
     def _reset(self, state: State) -> State:

@@ -10,8 +10,8 @@ from hardware_bridge.safety.duty_cycle import Duty
 from hardware_bridge.safety.trajectory import Trajectory
 from sim_core.names import STRUT_NAMES
 
-_NONE_KNOWN: tuple[int | None, ...] = (None,) * len(STRUT_NAMES)
-_NONE_ENERGISED = (False,) * len(STRUT_NAMES)
+NONE_KNOWN: tuple[None, ...] = (None,) * len(STRUT_NAMES)
+NONE_ENERGISED = (False,) * len(STRUT_NAMES)
 
 
 HOMING_NUMBER = 0
@@ -119,8 +119,8 @@ class State:
 
     mode: Mode = Mode.DISARMED
     reason: str = ""
-    pulses_us: tuple[int | None, ...] = _NONE_KNOWN
-    energised: tuple[bool, ...] = _NONE_ENERGISED
+    pulses_us: tuple[int | None, ...] = NONE_KNOWN
+    energised: tuple[bool, ...] = NONE_ENERGISED
     lease: Lease | None = None
     homed: bool = False
     motion: Motion | None = None
@@ -142,7 +142,7 @@ class Arm:
     holder: str
     lifted_and_clear: bool
     token: str
-    confirmed_lengths_m: tuple[float | None, ...] = (None,) * len(STRUT_NAMES)
+    confirmed_lengths_m: tuple[float | None, ...] = NONE_KNOWN
 
 
 @dataclass(frozen=True)

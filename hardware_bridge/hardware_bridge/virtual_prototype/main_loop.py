@@ -161,8 +161,5 @@ class VirtualPrototype:
                 return
 
     def _commanded_m(self, time_s: float) -> NDArray[np.float64]:
-        lengths_m = np.full(6, np.nan)
-        for index, strut in enumerate(self._calibration.struts):
-            pulse_us = self._outputs.pulse_us(strut.channel, time_s)
-            lengths_m[index] = self._calibration.mid_stroke_length_m + strut.pulse_to_stroke(pulse_us)
-        return lengths_m
+        outputs, channels = self._outputs, self._calibration.channels
+        return np.array([self._calibration.length_m(*each) for each in enumerate(outputs.pulse_us(on, time_s) for on in channels)])

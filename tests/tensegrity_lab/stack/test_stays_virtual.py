@@ -41,7 +41,7 @@ class RealBoard:
         tty.setraw(self._far)
         self.port = os.ttyname(self._far)
         self.got = bytearray()
-        self._board = EmulatedLsc()
+        self._board = EmulatedLsc(9600)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()

@@ -33,6 +33,7 @@ class EmulatedBoard(ABC):
         self._outputs = Outputs()
         self.orders: deque[tuple[float, Order]] = deque()
         self.battery_mv = 7400
+        self.forget()
 
     @property
     def waiting_bytes(self) -> int:
@@ -58,7 +59,7 @@ class EmulatedBoard(ABC):
     def reset(self, time_s: float) -> None:
         """The power fails for a moment: outputs off, half-received frames, bytes on the line and settings forgotten."""
         self._inbox.clear()
-        self.forget(time_s)
+        self.forget()
         self.order(Order(dict.fromkeys(self._outputs.channels)), time_s)
 
     def order(self, order: Order, time_s: float) -> None:
@@ -76,8 +77,8 @@ class EmulatedBoard(ABC):
         """One byte is in; the reply to it."""
 
     @abstractmethod
-    def forget(self, time_s: float) -> None:
-        """Half-received frames and settings are gone."""
+    def forget(self) -> None:
+        """As after power-up: no half-received frame, no settings."""
 
     def pass_time(self, now_s: float) -> None:  # noqa: B027 - most boards do nothing by themselves
         """Whatever the board does by itself until `now_s`."""

@@ -26,15 +26,11 @@ class EmulatedLsc(EmulatedBoard):
 
     spec = "lsc"
 
-    def __init__(self, baud: int = 9600) -> None:
-        super().__init__(baud)
-        self._decoder = FrameDecoder()
-
     def take(self, byte: int, time_s: float) -> bytes:
         """See `EmulatedBoard`."""
         return b"".join(self._obey(frame, time_s) for frame in self._decoder.feed(bytes((byte,))))
 
-    def forget(self, time_s: float) -> None:
+    def forget(self) -> None:
         """See `EmulatedBoard`."""
         self._decoder = FrameDecoder()
 

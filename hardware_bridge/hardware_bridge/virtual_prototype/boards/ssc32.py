@@ -20,19 +20,14 @@ class EmulatedSsc32(EmulatedBoard):
 
     spec = "ssc32"
 
-    def __init__(self, baud: int = 115200) -> None:
-        super().__init__(baud)
-        self._decoder = ssc32.LineDecoder()
-        self._offsets_us: dict[int, int] = {}
-
     def take(self, byte: int, time_s: float) -> bytes:
         """See `EmulatedBoard`."""
         return b"".join(self._obey(command, time_s) for command in self._decoder.feed(bytes((byte,))))
 
-    def forget(self, time_s: float) -> None:
+    def forget(self) -> None:
         """See `EmulatedBoard`."""
         self._decoder = ssc32.LineDecoder()
-        self._offsets_us.clear()
+        self._offsets_us: dict[int, int] = {}
 
     def _obey(self, command: ssc32.Command, time_s: float) -> bytes:
         match command:

@@ -12,7 +12,7 @@ OBEYED = Order(dict.fromkeys(range(1, 7), 1600), 0.5)
 
 
 def orders_of(data: bytes) -> list[Order]:
-    board = EmulatedLsc()
+    board = EmulatedLsc(9600)
     board.receive(data, 0.0)
     board.process(1e9)
     return [order for _, order in board.orders]
