@@ -138,7 +138,7 @@ class Bridge:
                 raise StateError("open", self._engine.state.mode, "the bridge is open; close it first")
             time_scale, records = self._connect(self._wanted_time_scale)
             with self._engine.lock:
-                self._engine.begin(time_scale, records, self._handshake is not None, self._rested_s)
+                self._engine.begin(time_scale, records, self._rested_s)
             self._rested_s = 0.0  # said of now, not of a later opening
             period_s = self.rules.pacing.period_s / time_scale
             self._streamer = Streamer(self._engine.tick, self._engine.tick_failed, period_s)
@@ -314,7 +314,7 @@ class Bridge:
                 _, records = self._connect(self._engine.clock.time_scale)
                 was_dirty = self._link.resynchronise()
                 with self._engine.lock:
-                    self._engine.use_records(records, self._handshake is not None)
+                    self._engine.use_records(records)
                     if was_dirty and self.board.quirks.error_moves:
                         self._engine.forget_positions()
                     self._engine.reopened()

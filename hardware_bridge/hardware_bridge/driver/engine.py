@@ -68,9 +68,8 @@ class Engine:
         link: the port with its board.
         clock: robot time.
         state: the supervisor's state.
-        virtual: whether the port is the virtual prototype's.
         session: identity of this stream of events, new with every `begin`; empty before the first.
-        prototype: its instance; empty on a real port.
+        prototype: instance of the virtual prototype behind the port; empty on a real one.
     """
 
     def __init__(self, port: str, rules: Rules, board: Board, link: Link, callbacks: Callbacks) -> None:
@@ -78,7 +77,6 @@ class Engine:
         self.link = link
         self.clock = RobotClock()
         self.state = State()
-        self.virtual = False
         self.session = ""
         self.prototype = ""
         self._port = port
@@ -100,7 +98,7 @@ class Engine:
 
     # ---- life -------------------------------------------------------------------------------------------------------
 
-    def begin(self, time_scale: float, records: Records, virtual: bool, rested_s: float = 0.0) -> None:
+    def begin(self, time_scale: float, records: Records, rested_s: float = 0.0) -> None:
         """A new stream on a port just opened: clock at 0, `seq` from 1. A latched fault stays."""
         self.session = secrets.token_hex(8)
         was = self.state
@@ -112,13 +110,12 @@ class Engine:
         self._board_errors = ()
         self.link.begin_counting()
         self._records = None
-        self.use_records(records, virtual, rested_s)
+        self.use_records(records, rested_s)
         self._heartbeat()
         self.tell_state(force=True)
 
-    def use_records(self, records: Records, virtual: bool, rested_s: float = 0.0) -> None:
+    def use_records(self, records: Records, rested_s: float = 0.0) -> None:
         """Takes from them what is known of the robot behind the port; of the same one as before, memory knows more."""
-        self.virtual = virtual
         self._track.forget()
         self.state = replace(self.state, last_frame=None)
         if records is self._records:
@@ -365,7 +362,7 @@ class Engine:
                 moving=state.motion is not None and state.motion.number != HOMING_NUMBER,
                 port=self._port,
                 link_ok=self.link.is_up,
-                virtual_port=self.virtual,
+                virtual_port=bool(self.prototype),
                 prototype=self.prototype,
                 time_scale=self.clock.time_scale,
                 lengths_m=self.lengths_m(),
