@@ -93,29 +93,47 @@ class Checked:
         self._length = self._crc = 0
 
 
-@dataclass(frozen=True)
-class Recording:
-    """A finished log.
+@dataclass(kw_only=True)
+class Found:
+    """What a journal turned out to be.
+
+    Attributes:
+        complete: it has its proper end; else the session was killed and the log holds what was acknowledged.
+        checked: it has checksums.
+        unread_bytes, unread_places: what could not be read; a tail that was cut does not count.
+        missing: messages that are missing there, by their numbers.
+    """
+
+    complete: bool = False
+    checked: bool = False
+    unread_bytes: int = 0
+    unread_places: int = 0
+    missing: int = 0
+
+    def skip(self, size: int) -> None:
+        """Some bytes could not be read."""
+        self.unread_bytes += size
+        self.unread_places += 1
+
+
+@dataclass(kw_only=True)
+class Recording(Found):
+    """A finished log, made of a journal.
 
     Attributes:
         path: the file.
-        messages: how many it has.
         counts: messages of each topic.
-        complete: the journal had its proper end; else the session was killed and the log holds what was acknowledged.
-        unread_bytes: of the journal, that could not be read; a cut tail is not counted.
-        unread_places: how many places that were.
-        missing: messages that are missing there, by their numbers.
         kept: where the journal is kept, if something was unread.
     """
 
     path: Path
-    messages: int
-    counts: dict[str, int]
-    complete: bool
-    unread_bytes: int = 0
-    unread_places: int = 0
-    missing: int = 0
-    kept: Path | None = None
+    counts: Counter[str]
+    kept: Path | None
+
+    @property
+    def messages(self) -> int:
+        """How many it has."""
+        return self.counts.total()
 
 
 @dataclass
@@ -149,7 +167,7 @@ def finish_journal(journal: Path, path: Path) -> Recording:
         if copy.value != source.value or _indexed_messages(temporary) != source.counts.total():
             raise RecorderError(str(path), f"does not read back as written; the journal {journal} is kept")
         temporary.replace(path)
-        kept = _keep(journal) if found.places else None
+        kept = _keep(journal) if found.unread_places else None
         if kept is None:
             journal.unlink()
         _sync_directory(path.parent)
@@ -158,7 +176,7 @@ def finish_journal(journal: Path, path: Path) -> Recording:
         raise RecorderError(str(path), problem) from error
     finally:
         temporary.unlink(missing_ok=True)
-    return Recording(path, source.counts.total(), source.counts, found.ended, found.unread, found.places, found.missing, kept)
+    return Recording(path=path, counts=source.counts, kept=kept, **vars(found))
 
 
 def _keep(journal: Path) -> Path:
@@ -169,8 +187,8 @@ def _keep(journal: Path) -> Path:
     return kept
 
 
-def _rewrite(journal: Path, target: Path) -> tuple[_Tally, _Found]:
-    tally, found = _Tally(), _Found()
+def _rewrite(journal: Path, target: Path) -> tuple[_Tally, Found]:
+    tally, found = _Tally(), Found()
     declared = _declared(journal)
     channels: dict[int, tuple[int, str]] = {}
     newest: dict[int, int] = {}
@@ -200,10 +218,10 @@ def _rewrite(journal: Path, target: Path) -> tuple[_Tally, _Found]:
                     tally.others += 1
                 case _:  # of a channel or type that it does not declare, or whose declaration was damaged
                     found.skip(size)
-        if found.places:
+        if found.unread_places:
             facts = {
-                "unread_bytes": found.unread,
-                "unread_places": found.places,
+                "unread_bytes": found.unread_bytes,
+                "unread_places": found.unread_places,
                 "missing_messages": found.missing,
                 "checked": str(found.checked).lower(),
                 "journal": journal.name + DAMAGED,
@@ -220,7 +238,7 @@ def _declared(journal: Path) -> dict[int, tuple[Channel, Schema | None]]:
     """Every channel with its schema, wherever in the journal it is declared: the recorder does so again and again."""
     schemas: dict[int, Schema | None] = {0: None}
     channels: dict[int, Channel] = {}
-    for record, _ in _records(journal, _Found(), (Opcode.SCHEMA, Opcode.CHANNEL)):
+    for record, _ in _records(journal, Found(), (Opcode.SCHEMA, Opcode.CHANNEL)):
         if isinstance(record, Schema):
             schemas.setdefault(record.id, record)
         elif isinstance(record, Channel):
@@ -228,30 +246,7 @@ def _declared(journal: Path) -> dict[int, tuple[Channel, Schema | None]]:
     return {number: (channel, schemas[channel.schema_id]) for number, channel in channels.items() if channel.schema_id in schemas}
 
 
-@dataclass
-class _Found:
-    """What a journal turned out to be.
-
-    Attributes:
-        ended: it has its proper end.
-        checked: it has checksums.
-        unread, places: bytes that could not be read, in how many places; a tail that was cut does not count.
-        missing: messages whose numbers were left out.
-    """
-
-    ended: bool = False
-    checked: bool = False
-    unread: int = 0
-    places: int = 0
-    missing: int = 0
-
-    def skip(self, size: int) -> None:
-        """Some bytes could not be read."""
-        self.unread += size
-        self.places += 1
-
-
-def _records(path: Path, found: _Found, kinds: Collection[int] = tuple(_KNOWN)) -> Iterator[tuple[McapRecord | None, int]]:
+def _records(path: Path, found: Found, kinds: Collection[int] = tuple(_KNOWN)) -> Iterator[tuple[McapRecord | None, int]]:
     """Every record of these kinds, with its size; None for one that makes no sense. `found` says what could not be read."""
     with path.open("rb") as stream:
         if os.fstat(stream.fileno()).st_size == 0:
@@ -264,7 +259,7 @@ def _records(path: Path, found: _Found, kinds: Collection[int] = tuple(_KNOWN)) 
                 yield from _parsed(data, start, end, kinds)
 
 
-def _checked_spans(data: mmap.mmap, found: _Found) -> Iterator[tuple[int, int]]:
+def _checked_spans(data: mmap.mmap, found: Found) -> Iterator[tuple[int, int]]:
     """Spans of whole records whose checksums fit. After the last check, what was not acknowledged any more: a tail."""
     done = 0
     at = data.find(_SIGNATURE)
@@ -285,13 +280,13 @@ def _crc(data: mmap.mmap, start: int, end: int) -> int:
         return zlib.crc32(span)
 
 
-def _unchecked_spans(data: mmap.mmap, found: _Found, at: int = len(MAGIC)) -> Iterator[tuple[int, int]]:
+def _unchecked_spans(data: mmap.mmap, found: Found, at: int = len(MAGIC)) -> Iterator[tuple[int, int]]:
     """Spans of records as they follow each other, each believed only if what follows can be one; else the next is sought."""
     looks = _Looks(data)
     while at < len(data):
         end = looks.end(at)
         if end is not None and data[at] == Opcode.DATA_END:
-            found.ended = True
+            found.complete = True
             return
         if end is not None and looks.followed(at, end):
             looks.learn(at)
