@@ -27,11 +27,11 @@ class Quirks:
         channels: first and last channel.
         duration_ms: shortest and longest duration of a move, in [ms].
         longest_frame_bytes: of a move of six servos.
-        usual_baud: A rate that the board offers and at which its frames fit the usual period.
+        usual_baud: a rate that the board offers and at which its frames fit the usual period.
         cancel: bytes that end a half-received frame without moving anything; empty: there are none.
         resync_queries: liveness queries that at most are needed until a cut frame is over. Read as the rest of a move, they give
             nothing that the board accepts.
-        error_moves: A cut frame or other error may move the channels (to their "home"): where they are is then unknown.
+        error_moves: a cut frame or other error may move the channels (to their "home"): where they are is then unknown.
         tells_pulses: the answer to a liveness query holds the commanded pulses, so a reset is noticed.
         has_timeout: the board has a serial time-out of its own; see its codec for what must be set.
         always_answers: every board of the family answers a liveness query: one that does not is not there, or set wrongly.

@@ -83,7 +83,7 @@ class Snapshot:
         reason: why, for people; may be empty.
         lease_holder: who armed; empty if nobody.
         homed: homing has ended well since the last arm.
-        moving: A commanded motion is running.
+        moving: a commanded motion is running.
         port: path or URL.
         link_ok: the port is open and the last read and write went through.
         virtual_port: the port is the virtual prototype's.

@@ -132,7 +132,7 @@ class Link:
         frame must be complete (see `Quirks`).
 
         Raises:
-            LinkLost: A board that used to answer does not; the link is down.
+            LinkLost: a board that used to answer does not; the link is down.
         """
         if not self._dirty:
             return False

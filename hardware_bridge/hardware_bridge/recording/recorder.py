@@ -178,7 +178,7 @@ class Recorder:
         """Waits until all that was queued before is on the disk itself, not only with the operating system.
 
         Raises:
-            RecorderError: A fault is latched, or it takes longer.
+            RecorderError: a fault is latched, or it takes longer.
         """
         done = threading.Event()
         self._put(_Item(self._sync, done=done))
