@@ -144,11 +144,8 @@ class Bridge:
             self._streamer = Streamer(self._engine.tick, self._engine.tick_failed, period_s)
             self._streamer.start()
 
-    def close(self, hold: bool = True) -> None:
+    def close(self) -> None:
         """Ends any motion and closes the port; closing twice is fine. The struts keep their power and hold.
-
-        Args:
-            hold: send the struts to where the board is, so that it stops at once; else it ends its last short frame.
 
         Raises:
             StateFileError: the last pulses could not be kept; the port is closed all the same.
@@ -159,8 +156,6 @@ class Bridge:
                 return
             streamer.stop()
             with self._engine.lock:
-                if not hold:
-                    self._link.is_up = False
                 state = self._engine.state
                 if state.mode is not Mode.FAULT:
                     self._engine.apply(Disarm("" if state.lease is None else state.lease.token))

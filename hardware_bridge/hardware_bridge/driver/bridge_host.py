@@ -187,10 +187,10 @@ class BridgeHost:
             raise
         return Opened(bridge.observer, bridge.board_timeout_s, bridge.snapshot())
 
-    def _close(self, hold: bool = True) -> None:
+    def _close(self) -> None:
         self._is_open = False
         try:
-            self._present.close(hold)
+            self._present.close()
         finally:
             self._tell(Refreshed(self._present.snapshot(), {}))
 
