@@ -10,8 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hardware_bridge.boards.names import BOARDS
-from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.boards.registry import BOARDS, parse_board
 from hardware_bridge.prototype_client.fault_client import TO_BOARD
 from hardware_bridge.prototype_client.handshake import observer_path
 from hardware_bridge.prototype_client.observation import Observation

@@ -181,7 +181,7 @@ class Rig:
         self.engine = Engine("lines", rules, board, self.link, Callbacks(on_sent=self.sent.append))
         self.link.open()
         self.kept = Kept()
-        self.engine.begin(1.0, self.kept, True)  # type: ignore[arg-type]
+        self.engine.begin(1.0, self.kept)  # type: ignore[arg-type]
         self.engine.clock = SetClock(lines)  # type: ignore[assignment]
         self.motions = 0
 

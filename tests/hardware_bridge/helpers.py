@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from hardware_bridge.boards.lsc import CMD_BATTERY, Frame, FrameDecoder, Move, decode_move, encode_battery_reply
+from hardware_bridge.link.transport import SerialTransport
 from hardware_bridge.prototype_client.observation import Observation
 
 MID_M = 0.234
@@ -27,6 +28,14 @@ def wait_for(condition: Callable[[], bool], what: str, limit_s: float = LIMIT_S)
     while not condition():
         assert time.monotonic() < deadline, f"waited {limit_s} s in vain for {what}"
         pause.wait(0.002)
+
+
+def read_exactly(transport: SerialTransport, count: int, limit_s: float = LIMIT_S) -> bytes:
+    """`count` bytes, or what has come when the limit is over."""
+    data, deadline = b"", time.monotonic() + limit_s
+    while len(data) < count and time.monotonic() < deadline:
+        data += transport.read_available(count - len(data))
+    return data
 
 
 class Wire:

@@ -10,14 +10,13 @@ by sending its last pulse again. A reset cannot be noticed: the board tells its 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from hardware_bridge.boards.board import Health, Query, Quirks, check_pulses, check_range
+from hardware_bridge.boards.board import Board, Health, Query, Quirks, check_range
 
 HEADER = b"\x55\x55"
 CMD_MOVE = 0x03
-CMD_STOP_GROUP = 0x07
 CMD_BATTERY = 0x0F
 CMD_UNLOAD = 0x14
 
@@ -61,20 +60,6 @@ def encode_frame(command: int, parameters: bytes = b"") -> bytes:
     return HEADER + bytes((len(parameters) + 2, command)) + parameters
 
 
-def encode_move(pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
-    """A move of one to six servos, which arrive together after `duration_ms`.
-
-    Raises:
-        CodecError: wrong counts, a channel twice, or a value that the board does not accept.
-    """
-    check_pulses(pulses_us, channels, QUIRKS)
-    check_range("duration_ms", duration_ms, QUIRKS.duration_ms)
-    body = bytearray((len(channels), *_u16(duration_ms)))
-    for channel, pulse_us in zip(channels, pulses_us, strict=True):
-        body += bytes((channel, *_u16(pulse_us)))
-    return encode_frame(CMD_MOVE, bytes(body))
-
-
 def decode_move(frame: Frame) -> Move | None:
     """The move in a frame, or None if it is another command or no move that the board would accept."""
     prm = frame.parameters
@@ -95,11 +80,6 @@ def decode_unload(frame: Frame) -> tuple[int, ...] | None:
     if frame.command != CMD_UNLOAD or not prm or len(prm) != 1 + prm[0]:
         return None
     return tuple(prm[1:])
-
-
-def encode_battery_query() -> bytes:
-    """Asks for the supply voltage: the board's only answer, and so the proof that it lives."""
-    return encode_frame(CMD_BATTERY)
 
 
 def encode_battery_reply(millivolts: int) -> bytes:
@@ -123,7 +103,6 @@ class FrameDecoder:
 
     def __init__(self) -> None:
         self._buffer = bytearray()
-        self.skipped_bytes = 0
 
     def feed(self, data: bytes) -> list[Frame]:
         """Frames that `data` completes, in order."""
@@ -145,35 +124,26 @@ class FrameDecoder:
                 del buffer[:size]
                 return frame
             del buffer[0]
-            self.skipped_bytes += 1
         return None
 
 
 @dataclass(frozen=True)
-class Lsc:
+class Lsc(Board):
     """The LSC family as a `Board`."""
 
     name = "lsc"
-    spec = "lsc"
     quirks = QUIRKS
 
-    def encode_move(
-        self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int, from_us: Sequence[float] = ()
-    ) -> bytes:
-        """See `encode_move`; the board knows where its outputs are."""
-        return encode_move(pulses_us, channels, duration_ms)
-
-    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
-        """A move to where the servos are."""
-        return encode_move(pulses_us, channels, duration_ms)
-
-    def move_time_s(self, way_us: float, duration_ms: int) -> float:
-        """As told, whatever the way."""
-        return duration_ms * 1e-3
+    def frame(self, pulses_us: Mapping[int, int], duration_ms: int, from_us: Sequence[float]) -> bytes:
+        """See `Board`."""
+        body = bytearray((len(pulses_us), *_u16(duration_ms)))
+        for channel, pulse_us in pulses_us.items():
+            body += bytes((channel, *_u16(pulse_us)))
+        return encode_frame(CMD_MOVE, bytes(body))
 
     def encode_query(self, channels: Sequence[int]) -> Query:
-        """See `encode_battery_query`."""
-        return Query(encode_battery_query(), len(encode_battery_reply(0)))
+        """The supply voltage: the board's only answer, and so the proof that it lives."""
+        return Query(encode_frame(CMD_BATTERY), len(encode_battery_reply(0)))
 
     def parse_reply(self, reply: bytes, count: int) -> Health | None:
         """The newest voltage among whatever else the board sent: it also announces the ends of action groups."""

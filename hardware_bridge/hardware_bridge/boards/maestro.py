@@ -21,10 +21,10 @@ What only Pololu's Control Center can set, and must:
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from hardware_bridge.boards.board import Health, Query, Quirks, check_channels, check_pulses, check_range
+from hardware_bridge.boards.board import Board, Health, Query, Quirks, check_channels, check_pulses, check_range
 
 POLOLU = 0xAA
 MINI_SSC = 0xFF
@@ -60,6 +60,9 @@ ERRORS = (
 """Names of the bits of the error register, lowest first."""
 TIMEOUT_S = (0.01, 655.35)
 
+CHANNELS = 24
+"""Of the largest; the smaller ones have 6, 12 or 18."""
+
 _U14 = (0, 0x3FFF)
 _SILENT_PERIODS = 4
 
@@ -94,7 +97,7 @@ def speed_units(distance_us: float, duration_ms: int) -> int:
 
 
 @dataclass(frozen=True)
-class Maestro:
+class Maestro(Board):
     """The Maestro family as a `Board`.
 
     Attributes:
@@ -128,7 +131,7 @@ class Maestro:
         """What the bytes do not say."""
         return Quirks(
             pulse_us=self.limits_us,
-            channels=(0, 23),
+            channels=(0, CHANNELS - 1),
             duration_ms=(20, 30000),
             longest_frame_bytes=12 * len(self.packet(SET_TARGET, 0, 0, 0)),
             usual_baud=115200,
@@ -159,13 +162,11 @@ class Maestro:
         check_channels([channel], self.quirks)
         return self.packet(GET_POSITION, channel)
 
-    def encode_move(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int, from_us: Sequence[float]) -> bytes:
-        """Speeds, then targets. Raises CodecError."""
-        check_pulses(pulses_us, channels, self.quirks)
-        check_range("duration_ms", duration_ms, self.quirks.duration_ms)
-        units = [speed_units(to - at, duration_ms) for to, at in zip(pulses_us, from_us, strict=True)]
-        speeds = b"".join(self.set_speed(channel, unit) for channel, unit in zip(channels, units, strict=True))
-        return speeds + self.encode_hold(pulses_us, channels, duration_ms)
+    def frame(self, pulses_us: Mapping[int, int], duration_ms: int, from_us: Sequence[float]) -> bytes:
+        """Speeds, then targets."""
+        units = [speed_units(to - at, duration_ms) for to, at in zip(pulses_us.values(), from_us, strict=True)]
+        speeds = b"".join(self.set_speed(channel, unit) for channel, unit in zip(pulses_us, units, strict=True))
+        return speeds + self.encode_hold(list(pulses_us.values()), list(pulses_us), duration_ms)
 
     def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
         """Targets only: they are gone to at the speed of the last move. Raises CodecError."""

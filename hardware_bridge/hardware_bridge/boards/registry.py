@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Boards by their names."""
+"""Boards by the names that parameters, calibration files and command lines use. Light to import."""
 
 from __future__ import annotations
 
@@ -8,9 +8,16 @@ import re
 from hardware_bridge.boards.board import Board
 from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.boards.maestro import LIMITS_US, Maestro
-from hardware_bridge.boards.names import VALID
 from hardware_bridge.boards.ssc32 import Ssc32
 from hardware_bridge.errors import CodecError, ParameterError
+
+BOARDS = ("lsc", "ssc32", "maestro")
+VALID = (
+    "lsc, ssc32, or maestro with any of :device=0..127 (Pololu protocol), :crc and :limits=LOW-HIGH (us, if not 992-2000), such as "
+    "maestro:device=12:crc"
+)
+SERVO_BOARD = "servo board: lsc, ssc32 or maestro, the last with :device=N (Pololu protocol) and :crc if so set"
+"""For help texts."""
 
 _OPTION = re.compile(r"device=(?P<device>[0-9]{1,3})|(?P<crc>crc)|limits=(?P<low>[0-9]{3,4})-(?P<high>[0-9]{3,4})")
 

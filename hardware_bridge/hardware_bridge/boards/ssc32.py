@@ -12,10 +12,10 @@ move since power-up answers `QP` with 0. If a real board answers otherwise, its 
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from hardware_bridge.boards.board import Health, Query, Quirks, check_channels, check_pulses, check_range
+from hardware_bridge.boards.board import Board, Health, Query, Quirks, check_channels
 
 CANCEL = b"\x1b\r"
 PULSE_STEP_US = 10
@@ -84,50 +84,13 @@ class AskPulses:
     channels: tuple[int, ...]
 
 
-@dataclass(frozen=True)
-class AskAnalogue:
-    """`VA` to `VH`: the voltages of inputs, one byte each in 5/256 V."""
-
-    inputs: str
-
-
-@dataclass(frozen=True)
-class AskVersion:
-    """`VER`: text and CR. In the SSC-32's manual, not in the SSC-32U's: never depend on it."""
-
-
-Command = Group | Offset | Stop | AskMoving | AskPulses | AskAnalogue | AskVersion
-
-
-def encode_move(pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
-    """A group move of one to six servos, which arrive together after `duration_ms`.
-
-    Raises:
-        CodecError: wrong counts, a channel twice, or a value that the board does not accept.
-    """
-    check_pulses(pulses_us, channels, QUIRKS)
-    check_range("duration_ms", duration_ms, QUIRKS.duration_ms)
-    body = "".join(f"#{channel}P{pulse}" for channel, pulse in zip(channels, pulses_us, strict=True))
-    return f"{body}T{duration_ms}\r".encode("ascii")
-
-
-def encode_pulse_query(channels: Sequence[int]) -> bytes:
-    """Answered by one byte a channel. Raises CodecError."""
-    check_channels(channels, QUIRKS)
-    return "".join(f"QP{channel}" for channel in channels).encode("ascii") + b"\r"
+Command = Group | Offset | Stop | AskMoving | AskPulses
+"""What the virtual prototype obeys; it answers neither analogue inputs nor `VER`, which the SSC-32U has not."""
 
 
 def encode_pulse_reply(pulses_us: Sequence[float | None]) -> bytes:
     """What the board answers to `QP`."""
     return bytes(0 if pulse is None else min(255, round(pulse / PULSE_STEP_US)) for pulse in pulses_us)
-
-
-def decode_pulse_reply(reply: bytes) -> tuple[float | None, ...] | None:
-    """Commanded pulses in [us], to 10 us; None in it: no pulse. None: bytes that no board answers."""
-    low, high = (limit // PULSE_STEP_US for limit in QUIRKS.pulse_us)
-    if any(byte != 0 and not low <= byte <= high for byte in reply):
-        return None
-    return tuple(float(byte * PULSE_STEP_US) if byte else None for byte in reply)
 
 
 _GROUP = re.compile(r"(?:#\d{1,2}(?:P\d{1,5}(?:S\d{1,5})?|L))+(?:T\d{1,5})?")
@@ -150,10 +113,6 @@ def decode_line(line: bytes) -> Command | None:
     if _PULSES.fullmatch(text):
         channels = tuple(int(number) for number in text.split("QP")[1:])
         return AskPulses(channels) if all(map(_on_board, channels)) else None
-    if re.fullmatch("(?:V[A-H])+", text):
-        return AskAnalogue(text.replace("V", ""))
-    if text == "VER":
-        return AskVersion()
     return AskMoving() if text == "Q" else None
 
 
@@ -197,32 +156,25 @@ class LineDecoder:
 
 
 @dataclass(frozen=True)
-class Ssc32:
+class Ssc32(Board):
     """The SSC-32 family as a `Board`."""
 
     name = "ssc32"
-    spec = "ssc32"
     quirks = QUIRKS
 
-    def encode_move(
-        self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int, from_us: Sequence[float] = ()
-    ) -> bytes:
-        """See `encode_move`; the board knows where its outputs are."""
-        return encode_move(pulses_us, channels, duration_ms)
-
-    def encode_hold(self, pulses_us: Sequence[int], channels: Sequence[int], duration_ms: int) -> bytes:
-        """A move to where the servos are."""
-        return encode_move(pulses_us, channels, duration_ms)
-
-    def move_time_s(self, way_us: float, duration_ms: int) -> float:
-        """As told, whatever the way."""
-        return duration_ms * 1e-3
+    def frame(self, pulses_us: Mapping[int, int], duration_ms: int, from_us: Sequence[float]) -> bytes:
+        """See `Board`."""
+        body = "".join(f"#{channel}P{pulse}" for channel, pulse in pulses_us.items())
+        return f"{body}T{duration_ms}\r".encode("ascii")
 
     def encode_query(self, channels: Sequence[int]) -> Query:
         """`QP` of every channel: `VER` is not on every board, and this one also shows a reset."""
-        return Query(encode_pulse_query(channels), len(channels))
+        check_channels(channels, self.quirks)
+        return Query("".join(f"QP{channel}" for channel in channels).encode("ascii") + b"\r", len(channels))
 
     def parse_reply(self, reply: bytes, count: int) -> Health | None:
-        """Commanded pulses; None for a wrong number of bytes or a pulse that no board gives."""
-        pulses_us = decode_pulse_reply(reply) if len(reply) == count else None
-        return None if pulses_us is None else Health(pulses_us=pulses_us)
+        """Commanded pulses, to 10 us; None for a wrong number of bytes or a pulse that no board gives."""
+        low, high = (limit // PULSE_STEP_US for limit in self.quirks.pulse_us)
+        if len(reply) != count or any(byte and not low <= byte <= high for byte in reply):
+            return None
+        return Health(pulses_us=tuple(float(byte * PULSE_STEP_US) if byte else None for byte in reply))

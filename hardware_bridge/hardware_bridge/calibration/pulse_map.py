@@ -10,11 +10,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib import resources
 from pathlib import Path
+from typing import Any
 
-from hardware_bridge.boards.names import BOARDS
+from hardware_bridge.boards.registry import BOARDS
 from hardware_bridge.errors import CalibrationError
-from sim_core.errors import YamlError, brief
-from sim_core.files.yaml_reader import parse_yaml, read_yaml
+from sim_core.errors import FileError, YamlError, brief
+from sim_core.files.bounded_reader import read_bytes
+from sim_core.files.yaml_reader import parse_yaml
 from sim_core.names import STRUT_NAMES
 
 LONGEST_NAME = 40
@@ -24,13 +26,14 @@ _PLAUSIBLE: dict[str, tuple[float, float]] = {
     "channel": (0, 32),
     "pulse_at_zero_us": (500, 2500),
     "us_per_mm": (1.0, 50.0),
+    "direction": (-1, 1),
     "trim_us": (-100, 100),
+    "stroke_mm": (-150.0, 150.0),
+    "pulse_us": (500, 2500),
 }
-_PLAUSIBLE_STROKE_MM = (-150.0, 150.0)
-_PLAUSIBLE_PULSE_US = (500, 2500)
 _PLAUSIBLE_MID_STROKE_M = (0.05, 1.0)
-_FIELDS = {*_PLAUSIBLE, "direction", "stroke_mm", "pulse_us"}
 _INTEGERS = {"channel", "pulse_at_zero_us", "trim_us"}
+_PAIRS = {"stroke_mm", "pulse_us"}
 
 
 @dataclass(frozen=True)
@@ -60,7 +63,7 @@ class StrutCalibration:
         exact = self.pulse_at_zero_us + self.trim_us + self.direction * self.us_per_mm * stroke_m * 1e3
         return math.floor(exact + 0.5)
 
-    def pulse_to_stroke(self, pulse_us: int) -> float:
+    def pulse_to_stroke(self, pulse_us: float) -> float:
         """The stroke in [m] that a pulse stands for."""
         return (pulse_us - self.pulse_at_zero_us - self.trim_us) / (self.direction * self.us_per_mm) * 1e-3
 
@@ -95,7 +98,7 @@ class Calibration:
         """Whole pulse in [us] for the rest length in [m] of strut `index` (from 0)."""
         return self.struts[index].stroke_to_pulse(length_m - self.mid_stroke_length_m)
 
-    def length_m(self, index: int, pulse_us: int) -> float:
+    def length_m(self, index: int, pulse_us: float) -> float:
         """Rest length in [m] that `pulse_us` really asks strut `index` (from 0) for."""
         return self.mid_stroke_length_m + self.struts[index].pulse_to_stroke(pulse_us)
 
@@ -126,15 +129,14 @@ def load_calibration(path: str | Path | None = None) -> Calibration:
         text = resources.files("hardware_bridge").joinpath("data", name).read_text(encoding="utf-8")
         return parse_calibration(text, name)
     try:
-        data = read_yaml(path)
+        return parse_calibration(read_bytes(path), str(path))
     except OSError as error:
         raise CalibrationError(str(path), f"cannot be read ({error.strerror}); give an existing YAML file") from error
-    except YamlError as error:
-        raise _broken(str(path), error) from error
-    return _calibration_of(data, str(path))
+    except FileError as error:
+        raise CalibrationError(str(path), f"{error.problem}; {error.remedy}") from error
 
 
-def parse_calibration(text: str, source: str) -> Calibration:
+def parse_calibration(text: str | bytes, source: str) -> Calibration:
     """The calibration in YAML text; `source` names it in errors.
 
     Raises:
@@ -143,15 +145,7 @@ def parse_calibration(text: str, source: str) -> Calibration:
     try:
         data = parse_yaml(text, source)
     except YamlError as error:
-        raise _broken(source, error) from error
-    return _calibration_of(data, source)
-
-
-def _broken(source: str, error: YamlError) -> CalibrationError:
-    return CalibrationError(source, f"broken YAML, {error.problem}; {error.remedy}", line=error.line)
-
-
-def _calibration_of(data: object, source: str) -> Calibration:
+        raise CalibrationError(source, f"broken YAML, {error.problem}; {error.remedy}", line=error.line) from error
     if not isinstance(data, Mapping) or set(data) - {"board", "robot"} != {"mid_stroke_length_m", "struts"}:
         got = sorted(map(str, data)) if isinstance(data, Mapping) else type(data).__name__
         raise CalibrationError(source, f"top level is {got}, valid is mid_stroke_length_m, struts and, if you like, board, robot")
@@ -163,19 +157,17 @@ def _calibration_of(data: object, source: str) -> Calibration:
     struts = data["struts"]
     if not isinstance(struts, Mapping):
         raise CalibrationError(source, "struts is no table, valid is one entry for each of S1 to S6")
-    for name in STRUT_NAMES:
+    for name in (*STRUT_NAMES, *struts):
         if name not in struts:
             raise CalibrationError(source, "is missing; every one of S1 to S6 needs an entry", strut=name)
-    for name in struts:
         if name not in STRUT_NAMES:
             raise CalibrationError(source, "is no strut, valid are S1 to S6", strut=str(name))
     parsed = tuple(parse_strut(source, name, struts[name]) for name in STRUT_NAMES)
-    holders: dict[int, str] = {}
-    for name, strut in zip(STRUT_NAMES, parsed, strict=True):
-        if strut.channel in holders:
-            problem = f"channel {strut.channel} already belongs to {holders[strut.channel]}; give each strut its own"
-            raise CalibrationError(source, problem, strut=name)
-        holders[strut.channel] = name
+    channels = [strut.channel for strut in parsed]
+    for name, channel in zip(STRUT_NAMES, channels, strict=True):
+        first = STRUT_NAMES[channels.index(channel)]
+        if first != name:
+            raise CalibrationError(source, f"channel {channel} already belongs to {first}; give each strut its own", strut=name)
     return Calibration(mid_m, parsed, board, robot)
 
 
@@ -190,33 +182,25 @@ def robot_name(value: object, source: str) -> str:
 
 def parse_strut(source: str, name: str, data: object) -> StrutCalibration:
     """One strut's entry; `source` and `name` say in errors whose it is. Raises CalibrationError."""
-    if not isinstance(data, Mapping) or set(data) != _FIELDS:
+    if not isinstance(data, Mapping) or set(data) != set(_PLAUSIBLE):
         got = set(data) if isinstance(data, Mapping) else set()
-        missing, unknown = sorted(_FIELDS - got), sorted(map(str, got - _FIELDS))
+        missing, unknown = sorted(_PLAUSIBLE.keys() - got), sorted(map(str, got - _PLAUSIBLE.keys()))
         raise CalibrationError(source, f"missing fields {missing}, unknown fields {unknown}", strut=name)
-    values = {key: _number(source, name, key, data[key], valid) for key, valid in _PLAUSIBLE.items()}
-    direction = data["direction"]
-    if isinstance(direction, bool) or direction not in (-1, 1):
-        raise CalibrationError(source, f"direction is {brief(direction)}, valid is 1 or -1", strut=name)
-    stroke = _pair(source, name, "stroke_mm", data["stroke_mm"], _PLAUSIBLE_STROKE_MM)
-    pulse = _pair(source, name, "pulse_us", data["pulse_us"], _PLAUSIBLE_PULSE_US)
-    if not stroke[0] < 0 < stroke[1]:
-        raise CalibrationError(source, f"stroke_mm {list(stroke)} must have zero inside", strut=name)
-    strut = StrutCalibration(
-        channel=int(values["channel"]),
-        pulse_at_zero_us=int(values["pulse_at_zero_us"]),
-        us_per_mm=float(values["us_per_mm"]),
-        direction=int(direction),
-        trim_us=int(values["trim_us"]),
-        stroke_mm=stroke,
-        pulse_us=(int(pulse[0]), int(pulse[1])),
-    )
-    for end_mm in stroke:
+    if isinstance(data["direction"], bool) or data["direction"] not in (-1, 1):
+        raise CalibrationError(source, f"direction is {brief(data['direction'])}, valid is 1 or -1", strut=name)
+    values: dict[str, Any] = {
+        key: (_pair if key in _PAIRS else _number)(source, name, key, data[key], valid) for key, valid in _PLAUSIBLE.items()
+    }
+    values |= {"direction": int(data["direction"]), "pulse_us": tuple(map(int, values["pulse_us"]))}
+    strut = StrutCalibration(**values)
+    if not strut.stroke_mm[0] < 0 < strut.stroke_mm[1]:
+        raise CalibrationError(source, f"stroke_mm {list(strut.stroke_mm)} must have zero inside", strut=name)
+    low_us, high_us = strut.pulse_us
+    for end_mm in strut.stroke_mm:
         at_end = strut.stroke_to_pulse(end_mm * 1e-3)
-        if not strut.pulse_us[0] <= at_end <= strut.pulse_us[1]:
-            limits = f"{strut.pulse_us[0]} to {strut.pulse_us[1]} us"
-            problem = f"stroke {end_mm:g} mm needs {at_end} us, pulse_us permits {limits}; reduce stroke_mm or trim_us"
-            raise CalibrationError(source, problem, strut=name)
+        if not low_us <= at_end <= high_us:
+            needs = f"stroke {end_mm:g} mm needs {at_end} us, pulse_us permits {low_us} to {high_us} us"
+            raise CalibrationError(source, f"{needs}; reduce stroke_mm or trim_us", strut=name)
     return strut
 
 
@@ -229,7 +213,7 @@ def _number(source: str, strut: str | None, field: str, value: object, valid: tu
         and (not whole or value == int(value))
         and valid[0] <= value <= valid[1]
     ):
-        return value
+        return int(value) if whole else float(value)
     kind = "a whole number" if whole else "a number"
     raise CalibrationError(source, f"{field} is {brief(value)}, valid is {kind} from {valid[0]} to {valid[1]}", strut)
 
@@ -237,7 +221,7 @@ def _number(source: str, strut: str | None, field: str, value: object, valid: tu
 def _pair(source: str, strut: str, field: str, value: object, valid: tuple[float, float]) -> tuple[float, float]:
     if not isinstance(value, Sequence) or isinstance(value, str) or len(value) != 2:
         raise CalibrationError(source, f"{field} is {brief(value)}, valid is [low, high]", strut)
-    low, high = (float(_number(source, strut, field, item, valid)) for item in value)
+    low, high = (_number(source, strut, field, item, valid) for item in value)
     if low >= high:
         raise CalibrationError(source, f"{field} is {brief(value)}, low must be below high", strut)
     return low, high

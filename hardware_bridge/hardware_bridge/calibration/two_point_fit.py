@@ -56,14 +56,7 @@ def check_straight(strut: str, short: Measured, long: Measured, middle: Measured
 
 
 def fit(strut: str, channel: int, short: Measured, long: Measured, zero_pulse_us: int) -> StrutCalibration:
-    """One strut's calibration.
-
-    Args:
-        strut: its name.
-        channel: the board's output.
-        short: the end point that a person chose near the short end.
-        long: the same near the long end.
-        zero_pulse_us: the pulse at which the strut was seen to be at mid stroke.
+    """One strut's calibration, of two points near its ends and the pulse at which it was seen to be at mid stroke.
 
     Raises:
         CalibrationError: not plausible, with what is valid.

@@ -29,12 +29,11 @@ from hardware_bridge.safety.duty_cycle import returns
 from hardware_bridge.safety.homing import homing_path, known_pulses
 from hardware_bridge.safety.limit_checks import SHAPE_STEP_M, Rules, check_homing, check_trajectory
 from hardware_bridge.safety.shape_cache import ShapeMemory
-from hardware_bridge.safety.supervisor_messages import Arm, Disarm, Execute, Hold, Mode, Prove, Reset, Stop
+from hardware_bridge.safety.supervisor_messages import NONE_KNOWN, Arm, Disarm, Execute, Hold, Mode, Prove, Reset, Stop
 from hardware_bridge.safety.trajectory import Trajectory
 from hardware_bridge.saved_state.robot_identity import identity_of
 from hardware_bridge.saved_state.robot_records import Records
 from hardware_bridge.saved_state.state_file import state_directory
-from sim_core.names import STRUT_NAMES
 from sim_core.printable import NAME_MOST, printable
 
 _log = logging.getLogger(__name__)
@@ -139,17 +138,14 @@ class Bridge:
                 raise StateError("open", self._engine.state.mode, "the bridge is open; close it first")
             time_scale, records = self._connect(self._wanted_time_scale)
             with self._engine.lock:
-                self._engine.begin(time_scale, records, self._handshake is not None, self._rested_s)
+                self._engine.begin(time_scale, records, self._rested_s)
             self._rested_s = 0.0  # said of now, not of a later opening
             period_s = self.rules.pacing.period_s / time_scale
             self._streamer = Streamer(self._engine.tick, self._engine.tick_failed, period_s)
             self._streamer.start()
 
-    def close(self, hold: bool = True) -> None:
+    def close(self) -> None:
         """Ends any motion and closes the port; closing twice is fine. The struts keep their power and hold.
-
-        Args:
-            hold: send the struts to where the board is, so that it stops at once; else it ends its last short frame.
 
         Raises:
             StateFileError: the last pulses could not be kept; the port is closed all the same.
@@ -160,8 +156,6 @@ class Bridge:
                 return
             streamer.stop()
             with self._engine.lock:
-                if not hold:
-                    self._link.down()
                 state = self._engine.state
                 if state.mode is not Mode.FAULT:
                     self._engine.apply(Disarm("" if state.lease is None else state.lease.token))
@@ -237,8 +231,8 @@ class Bridge:
         with self._engine.lock:
             self._require_open("arm")
             self._require_prototype(prototype)  # once more: meanwhile another one may have come
-            if lifted_and_clear and self._engine.state.mode is not Mode.FAULT:
-                self._link.require_answered(self._silent_board)
+            if lifted_and_clear and self._engine.state.mode is not Mode.FAULT and not self._silent_board:
+                self._link.require_answered()
             self._engine.save_record()
             self._engine.apply(_arming(holder, lifted_and_clear, token, confirmed_lengths_m))
         return token
@@ -315,7 +309,7 @@ class Bridge:
                 _, records = self._connect(self._engine.clock.time_scale)
                 was_dirty = self._link.resynchronise()
                 with self._engine.lock:
-                    self._engine.use_records(records, self._handshake is not None)
+                    self._engine.use_records(records)
                     if was_dirty and self.board.quirks.error_moves:
                         self._engine.forget_positions()
                     self._engine.reopened()
@@ -380,7 +374,7 @@ class Bridge:
         try:
             self._link.open()
             if handshake is not None:
-                require_same_pty(self.port, handshake, self._link.descriptor)
+                require_same_pty(self.port, handshake, self._link.transport.descriptor)
         except BaseException:
             self._link.close()
             if records is not self._records:
@@ -406,4 +400,4 @@ class Bridge:
 
 def _arming(holder: str, clear: bool, token: str, confirmed_m: Sequence[float | None] | None) -> Arm:
     given = () if confirmed_m is None else tuple(confirmed_m)
-    return Arm(printable(holder, NAME_MOST) or "somebody", clear, token, given or (None,) * len(STRUT_NAMES))
+    return Arm(printable(holder, NAME_MOST) or "somebody", clear, token, given or NONE_KNOWN)

@@ -12,9 +12,9 @@ import logging
 import os
 import pickle
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
 from typing import Any, NamedTuple
@@ -35,17 +35,11 @@ MOST_BYTES = 8 * 1024 * 1024
 REFRESH_S = 0.1
 """Wall time between snapshots that nobody asks for: the other end looks at the newest, and never waits for one."""
 
+_SLOW = frozenset({"open", "close", "reset", "arm", "judge_homing", "judge_motion", "execute"})
+"""Calls that may wait for something: each has a thread of its own."""
+
 MOST_WAITING = 20_000
 """Events that wait for the other end, a quarter of an hour of them: then it will never read them."""
-
-
-@dataclass(frozen=True)
-class Opening:
-    """What a bridge is opened with: `Bridge`'s arguments, but for its callbacks. Shapes are judged at the other end."""
-
-    port: str
-    rules: Rules
-    options: dict[str, Any]
 
 
 class Opened(NamedTuple):
@@ -57,14 +51,15 @@ class Opened(NamedTuple):
 
 
 class Call(NamedTuple):
-    """To the host: call a method."""
+    """To the host: call a method of the bridge, or one of the host's own."""
 
     number: int
     name: str
-    arguments: tuple[Any, ...]
+    arguments: tuple[Any, ...] = ()
+    options: Mapping[str, Any] = {}
 
 
-class Verdict(NamedTuple):
+class Judged(NamedTuple):
     """To the host: the answer to a `Judge`."""
 
     number: int
@@ -112,21 +107,11 @@ class BridgeHost:
         self._lock = threading.Lock()
         self._waiting: SimpleQueue[bytes] = SimpleQueue()
         self._writer = threading.Thread(target=self._write, name="events out", daemon=True)
-        self._calls: dict[str, tuple[Callable[..., Any], bool]] = {  # name -> (method, whether it may wait)
-            "open": (self._open, True),
-            "close": (self._close, True),
-            "reset": (lambda: self._present.reset(), True),
-            "arm": (lambda *words: self._present.arm(*words), True),
-            "judge_homing": (lambda lengths: self._present.judge_homing(lengths), True),
-            "judge_motion": (self._judge_motion, True),
-            "execute": (self._execute, True),
-            "disarm": (lambda lease: self._present.disarm(lease), False),
-            "prove": (lambda lease: self._present.prove(lease), False),
-            "hold": (lambda reason: self._present.hold(reason), False),
-            "stop": (lambda reason: self._present.stop(reason), False),
-            "observe_face": (lambda *words: self._present.observe_face(*words), False),
-            "returns": (lambda trajectory: self._present.returns(_checked(trajectory)), False),
-            "cancel": (self._cancel, False),
+        self._own: dict[str, Callable[..., Any]] = {
+            "open": self._open,
+            "close": self._close,
+            "execute": self._execute,
+            "cancel": self._cancel,
         }
 
     def serve(self) -> None:
@@ -136,9 +121,9 @@ class BridgeHost:
         try:
             while True:
                 message = pickle.loads(self._connection.recv_bytes(MOST_BYTES))
-                if isinstance(message, Verdict):
+                if isinstance(message, Judged):
                     self._verdicts[message.number].put(message.problem)
-                elif self._calls[message.name][1]:
+                elif message.name in _SLOW:
                     threading.Thread(target=self._answer, args=(message,), name=message.name, daemon=True).start()
                 else:
                     self._answer(message)
@@ -173,7 +158,8 @@ class BridgeHost:
 
     def _answer(self, call: Call) -> None:
         try:
-            value, error = self._calls[call.name][0](*call.arguments), None
+            method = self._own.get(call.name) or getattr(self._present, call.name)
+            value, error = method(*call.arguments, **call.options), None
         except BridgeError as refused:
             value, error = None, refused
         except Exception as failure:
@@ -181,16 +167,17 @@ class BridgeHost:
             value, error = None, BridgeError(f"internal error in {call.name}: {failure!r}")
         self._tell(Reply(call.number, value, error))
 
-    def _open(self, opening: Opening) -> Opened:
+    def _open(self, port: str, rules: Rules, **options: Any) -> Opened:
+        """Arguments as `Bridge`'s, but for its callbacks. Shapes are judged at the other end."""
         self.end()
         self._motions.clear()
         self._bridge = bridge = Bridge(
-            opening.port,
-            replace(opening.rules, shape_check=self._ask),
+            port,
+            replace(rules, shape_check=self._ask),
             on_sent=lambda event: self._tell(Happened(event)),
             on_face=lambda event: self._tell(Happened(event)),
             on_state=self._on_state,
-            **opening.options,
+            **options,
         )
         self._is_open = True
         try:
@@ -207,12 +194,9 @@ class BridgeHost:
         finally:
             self._tell(Refreshed(self._present.snapshot(), {}))
 
-    def _judge_motion(self, trajectory: Trajectory, lease: str) -> None:
-        self._present.judge_motion(_checked(trajectory), lease)
-
     def _execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float, asked_s: float) -> tuple[int, float]:
         age = Age(stamp_age_s, received_s=asked_s)  # on its way here it grows older, too
-        handle = self._present.execute(_checked(trajectory), lease, age.now_s())
+        handle = self._present.execute(trajectory, lease, age.now_s())
         with self._lock:
             self._motions[handle.number] = handle
         self._tell_ends()  # it may have ended already
@@ -275,8 +259,3 @@ class BridgeHost:
         with suppress(OSError):  # `serve` notices, too
             while True:
                 self._connection.send_bytes(self._waiting.get())
-
-
-def _checked(trajectory: Trajectory) -> Trajectory:
-    """Made anew, because what comes over a connection was not checked by its constructor."""
-    return Trajectory(trajectory.times_s, trajectory.lengths_m)

@@ -22,7 +22,6 @@ from hardware_bridge.driver.events import Callbacks, FaceEvent, SentEvent, Snaps
 from hardware_bridge.driver.motion_handle import MotionHandle, MotionResult, Progress
 from hardware_bridge.driver.robot_clock import RobotClock
 from hardware_bridge.errors import BridgeError, LinkLost, ShapeError, StateFileError
-from hardware_bridge.link.backpressure import Congestion
 from hardware_bridge.link.board_health import Answer, judge
 from hardware_bridge.link.board_link import Link
 from hardware_bridge.link.latency import Latency
@@ -31,22 +30,22 @@ from hardware_bridge.safety.limit_checks import Rules, check_frame
 from hardware_bridge.safety.supervisor import Supervisor
 from hardware_bridge.safety.supervisor_messages import (
     HOMING_NUMBER,
+    NONE_ENERGISED,
+    NONE_KNOWN,
     Event,
-    Fail,
     Finished,
     Hold,
     Kind,
+    LinkDown,
     Mode,
-    Refuse,
     Reset,
     Send,
     State,
+    Stop,
     Supply,
     Tick,
 )
-from hardware_bridge.safety.supervisor_messages import LinkLost as LinkLostEvent
 from hardware_bridge.saved_state.robot_records import Records
-from sim_core.names import STRUT_NAMES
 
 _log = logging.getLogger(__name__)
 _MOVING = (Kind.ENERGISE, Kind.HOME, Kind.MOVE)
@@ -69,9 +68,8 @@ class Engine:
         link: the port with its board.
         clock: robot time.
         state: the supervisor's state.
-        virtual: whether the port is the virtual prototype's.
         session: identity of this stream of events, new with every `begin`; empty before the first.
-        prototype: its instance; empty on a real port.
+        prototype: instance of the virtual prototype behind the port; empty on a real one.
     """
 
     def __init__(self, port: str, rules: Rules, board: Board, link: Link, callbacks: Callbacks) -> None:
@@ -79,7 +77,6 @@ class Engine:
         self.link = link
         self.clock = RobotClock()
         self.state = State()
-        self.virtual = False
         self.session = ""
         self.prototype = ""
         self._port = port
@@ -94,7 +91,6 @@ class Engine:
         self._count = _Counters()
         self._latency = Latency()
         self._written_in_tick = False
-        self._congestion = Congestion()
         self._board_errors: tuple[str, ...] = ()
         self._told: tuple[object, ...] = ()
         self._bars = 0
@@ -102,7 +98,7 @@ class Engine:
 
     # ---- life -------------------------------------------------------------------------------------------------------
 
-    def begin(self, time_scale: float, records: Records, virtual: bool, rested_s: float = 0.0) -> None:
+    def begin(self, time_scale: float, records: Records, rested_s: float = 0.0) -> None:
         """A new stream on a port just opened: clock at 0, `seq` from 1. A latched fault stays."""
         self.session = secrets.token_hex(8)
         was = self.state
@@ -110,17 +106,16 @@ class Engine:
         self.state = State()
         if was.mode is Mode.FAULT:
             self.state = replace(self.state, mode=Mode.FAULT, reason=was.reason)
-        self._count, self._latency, self._congestion = _Counters(), Latency(), Congestion()
+        self._count, self._latency = _Counters(), Latency()
         self._board_errors = ()
         self.link.begin_counting()
         self._records = None
-        self.use_records(records, virtual, rested_s)
+        self.use_records(records, rested_s)
         self._heartbeat()
         self.tell_state(force=True)
 
-    def use_records(self, records: Records, virtual: bool, rested_s: float = 0.0) -> None:
+    def use_records(self, records: Records, rested_s: float = 0.0) -> None:
         """Takes from them what is known of the robot behind the port; of the same one as before, memory knows more."""
-        self.virtual = virtual
         self._track.forget()
         self.state = replace(self.state, last_frame=None)
         if records is self._records:
@@ -151,14 +146,14 @@ class Engine:
             if self.link.is_up:
                 try:
                     now_s = self.clock.now().wall_s
-                    congested = self._congestion.look(self.link, now_s)  # before a question is put behind the last frame
+                    congested = self.link.holds_back(now_s)  # before a question is put behind the last frame
                     answer = self.link.attend(now_s, self.state.energised)
                     if answer is not None:
                         self._judge(answer)
                     if self.link.battery_mv != self.state.supply_mv:
                         self.apply(Supply(self.link.battery_mv))
                 except LinkLost as error:
-                    self.apply(LinkLostEvent(str(error)))
+                    self.apply(LinkDown(str(error)))
             if not self._is_barred:
                 self.apply(Tick(congested))
             if self.link.is_up and not self._written_in_tick:
@@ -169,7 +164,7 @@ class Engine:
     def tick_failed(self, error: Exception) -> None:
         """The frame loop has a bug: latches."""
         with self.lock:
-            self.apply(Fail(f"internal error in the frame loop: {error}"))
+            self.apply(Stop(f"internal error in the frame loop: {error}"))
 
     @contextmanager
     def barred(self) -> Iterator[None]:
@@ -207,9 +202,8 @@ class Engine:
     def forget_positions(self) -> None:
         """Nobody knows any more where the struts are: the next arm needs the operator's word for each."""
         self._track.forget()
-        nobody, why = (None,) * len(STRUT_NAMES), "the board may have moved or released the struts since they were sent"
-        energised = (False,) * len(STRUT_NAMES)
-        self.state = replace(self.state, pulses_us=nobody, energised=energised, last_frame=None, unknown_why=why)
+        why = "the board may have moved or released the struts since they were sent"
+        self.state = replace(self.state, pulses_us=NONE_KNOWN, energised=NONE_ENERGISED, last_frame=None, unknown_why=why)
         try:
             assert self._records is not None
             self._records.pulses.forget(self._rules.calibration.channels)
@@ -236,9 +230,6 @@ class Engine:
         if failure is not None:
             self.apply(failure)
         self.tell_state()
-        for effect in effects:
-            if isinstance(effect, Refuse):
-                raise effect.error
 
     def _send(self, send: Send, before: State) -> Event | None:
         """One frame through the last gate to the port; what went wrong, if anything."""
@@ -264,18 +255,18 @@ class Engine:
             self.link.write(frame)
             self._latency.add(time.monotonic() - begun_s)
         except LinkLost as error:
-            return LinkLostEvent(str(error))
+            return LinkDown(str(error))
         except Exception as error:
             self._unsend(before)
             if hold:  # another one would fail too
                 _log.exception("holding the struts")
-                return LinkLostEvent(str(self.link.lost(f"the struts could not be held: {error!r}")))
+                return LinkDown(str(self.link.lost(f"the struts could not be held: {error!r}")))
             if isinstance(error, ShapeError):  # between two shapes that were judged when the motion was accepted
                 return Hold(f"held before a frame: {error}")
             if isinstance(error, BridgeError):
-                return Fail(f"frame not sent: {error}")
+                return Stop(f"frame not sent: {error}")
             _log.exception("sending a frame")
-            return Fail(f"frame not sent, internal error: {error!r}")
+            return Stop(f"frame not sent, internal error: {error!r}")
         self._track.sent(send.struts, send.pulses_us, send.duration_ms, now_s)
         self._count.frames_sent += 1
         self._written_in_tick = True
@@ -335,20 +326,16 @@ class Engine:
 
     def _progress(self, handle: MotionHandle) -> Progress:
         with self.lock:
-            motion, result = self.state.motion, handle.result()
-            if motion is not None and motion.number == handle.number:
-                handle.sent_s = motion.progress_s
-            elif result is not None and result.success:
-                handle.sent_s = handle.duration_s
-            fraction = 1.0 if handle.duration_s == 0 else handle.sent_s / handle.duration_s
-            return Progress(fraction, handle.sent_s, handle.duration_s, self.lengths_m())
+            motion = self.state.motion
+            runs = motion is not None and motion.number == handle.number
+            return handle.progress_at(motion.progress_s if motion is not None and runs else None, self.lengths_m())
 
     # ---- the stream -------------------------------------------------------------------------------------------------
 
     def emit_face(self, face: str, source: str, settled: bool, detail: str) -> FaceEvent:
         """Numbers a face observation into the stream."""
         event = FaceEvent(*self._number(), face, source, settled, detail, self.session, time.time_ns())
-        self._callbacks.face(event)
+        self._callbacks.tell(event)
         return event
 
     def tell_state(self, force: bool = False) -> None:
@@ -359,7 +346,7 @@ class Engine:
         now = (state.mode, state.reason, token, state.homed, moving, self.link.is_up)
         if force or now != self._told:
             self._told = now
-            self._callbacks.state(self.snapshot())
+            self._callbacks.tell(self.snapshot())
 
     def snapshot(self) -> Snapshot:
         """Everything at this instant."""
@@ -375,7 +362,7 @@ class Engine:
                 moving=state.motion is not None and state.motion.number != HOMING_NUMBER,
                 port=self._port,
                 link_ok=self.link.is_up,
-                virtual_port=self.virtual,
+                virtual_port=bool(self.prototype),
                 prototype=self.prototype,
                 time_scale=self.clock.time_scale,
                 lengths_m=self.lengths_m(),
@@ -390,7 +377,7 @@ class Engine:
                 frames_sent=count.frames_sent,
                 write_errors=self.link.write_errors,
                 late_periods=count.late_periods,
-                congested_periods=self._congestion.periods,
+                congested_periods=self.link.congested_periods,
                 duty_limit_s=self._rules.limits.duty_s,
                 supply_low_v=self._rules.limits.supply_low_v,
                 write_latency=self._latency.percentiles(),
@@ -427,7 +414,7 @@ class Engine:
             session=self.session,
             wall_ns=time.time_ns(),
         )
-        self._callbacks.sent(event)
+        self._callbacks.tell(event)
 
     def _number(self) -> tuple[int, int]:
         self._count.seq += 1

@@ -6,13 +6,11 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TypeVar
 
-from hardware_bridge.link.latency import NOTHING_ASKED, NOTHING_MEASURED, Percentiles, Replies
+from hardware_bridge.link.latency import Percentiles, Replies
 from hardware_bridge.safety.supervisor_messages import Mode
 
 _log = logging.getLogger(__name__)
-_Event = TypeVar("_Event")
 
 FACES = (*(f"TC{number}" for number in range(1, 9)), *(f"TO{number}" for number in range(1, 13)))
 SOURCES = ("operator", "prototype", "external")
@@ -85,7 +83,7 @@ class Snapshot:
         reason: why, for people; may be empty.
         lease_holder: who armed; empty if nobody.
         homed: homing has ended well since the last arm.
-        moving: A commanded motion is running.
+        moving: a commanded motion is running.
         port: path or URL.
         link_ok: the port is open and the last read and write went through.
         virtual_port: the port is the virtual prototype's.
@@ -136,15 +134,15 @@ class Snapshot:
     congested_periods: int
     duty_limit_s: float
     supply_low_v: float
-    write_latency: Percentiles = NOTHING_MEASURED
-    reopened: int = 0
-    board_errors: tuple[str, ...] = ()
-    replies: Replies = NOTHING_ASKED
-    session: str = ""
-    robot: str = ""
-    answered: bool = False
-    duty_known: bool = True
-    prototype: str = ""
+    write_latency: Percentiles
+    reopened: int
+    board_errors: tuple[str, ...]
+    replies: Replies
+    session: str
+    robot: str
+    answered: bool
+    duty_known: bool
+    prototype: str
 
 
 @dataclass(frozen=True)
@@ -155,23 +153,15 @@ class Callbacks:
     on_face: Callable[[FaceEvent], None] | None = None
     on_state: Callable[[Snapshot], None] | None = None
 
-    def sent(self, event: SentEvent) -> None:
-        """Something was sent, or nothing was."""
-        _call(self.on_sent, event)
-
-    def face(self, event: FaceEvent) -> None:
-        """Somebody saw a face."""
-        _call(self.on_face, event)
-
-    def state(self, snapshot: Snapshot) -> None:
-        """The bridge's state has changed."""
-        _call(self.on_state, snapshot)
-
-
-def _call(callback: Callable[[_Event], None] | None, event: _Event) -> None:
-    if callback is None:
-        return
-    try:
-        callback(event)
-    except Exception:
-        _log.exception("callback of the bridge")
+    def tell(self, event: SentEvent | FaceEvent | Snapshot) -> None:
+        """Calls whoever wants to know of it."""
+        try:
+            match event:
+                case SentEvent() if self.on_sent is not None:
+                    self.on_sent(event)
+                case FaceEvent() if self.on_face is not None:
+                    self.on_face(event)
+                case Snapshot() if self.on_state is not None:
+                    self.on_state(event)
+        except Exception:
+            _log.exception("callback of the bridge")

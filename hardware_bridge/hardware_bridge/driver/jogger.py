@@ -31,14 +31,7 @@ FIRST_MOVE_S = 5.0
 class Jogger:
     """Holds the port; keeps the records, so that the bridge knows later where the struts are and how long they have run.
 
-    Args:
-        transport: opened here, closed by `close`.
-        board: what sits behind the port.
-        records: of the robot.
-        limits: for the duty.
-        time_scale: robot seconds per second.
-        silent_board: the operator's word that this board cannot answer.
-        wait: lets wall seconds pass.
+    The transport is opened here and closed by `close`. `silent_board` is the operator's word that this board cannot answer.
 
     Raises:
         TransportError: the port cannot be used.

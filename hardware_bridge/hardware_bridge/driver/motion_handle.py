@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from hardware_bridge.safety.supervisor_messages import Outcome
+from hardware_bridge.safety.supervisor_messages import MotionOutcome
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,14 @@ class MotionResult:
         lengths_m: rest lengths last sent, in [m].
     """
 
-    outcome: Outcome
+    outcome: MotionOutcome
     reason: str
     lengths_m: tuple[float, ...]
 
     @property
     def success(self) -> bool:
         """Whether the whole trajectory was sent."""
-        return self.outcome is Outcome.DONE
+        return self.outcome is MotionOutcome.DONE
 
 
 class MotionHandle:
@@ -74,6 +74,14 @@ class MotionHandle:
     def progress(self) -> Progress:
         """How far it is."""
         return self._progress(self)
+
+    def progress_at(self, sent_s: float | None, lengths_m: tuple[float, ...]) -> Progress:
+        """For the bridge: its progress, by the path time of its newest frame (None: that has not been seen) and the lengths."""
+        if self._result is not None and self._result.success:
+            sent_s = self.duration_s
+        self.sent_s = self.sent_s if sent_s is None else sent_s
+        fraction = 1.0 if self.duration_s == 0 else self.sent_s / self.duration_s
+        return Progress(fraction, self.sent_s, self.duration_s, lengths_m)
 
     def cancel(self, reason: str = "cancelled") -> None:
         """Holds the struts where they are and ends the motion as `held`; too late, it does nothing."""

@@ -10,14 +10,17 @@ import subprocess
 import threading
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import CancelledError, Future
 from contextlib import suppress
 from dataclasses import replace
+from functools import wraps
 from multiprocessing.connection import Connection
 from queue import SimpleQueue
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 from hardware_bridge.boards.board import Board
-from hardware_bridge.driver.bridge_host import MOST_BYTES, Call, Happened, Judge, Opened, Opening, Refreshed, Reply, Verdict
+from hardware_bridge.driver.bridge import Bridge
+from hardware_bridge.driver.bridge_host import MOST_BYTES, Call, Happened, Judge, Judged, Opened, Refreshed, Reply
 from hardware_bridge.driver.events import Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.driver.motion_handle import MotionHandle, MotionResult, Progress
 from hardware_bridge.errors import StateError
@@ -28,14 +31,6 @@ END_LIMIT_S = 5.0
 """Wall time in which a host whose connection is closed holds the struts and ends."""
 
 
-class _Asked:
-    """A call that waits for its reply."""
-
-    def __init__(self) -> None:
-        self.done = threading.Event()
-        self.reply: Reply | None = None
-
-
 class HostProcess:
     """A process with a `BridgeHost`, and the connection to it. Methods may be called from any thread.
 
@@ -43,11 +38,9 @@ class HostProcess:
     """
 
     def __init__(self, command: Sequence[str], on_end: Callable[[str], None]) -> None:
-        """Starts it.
+        """Starts a program; the number of its end of the connection is added as the last word.
 
-        Args:
-            command: the program; the number of its end of the connection is added as the last word.
-            on_end: told once, from another thread, if the process ends by itself, and how.
+        `on_end` is told once, from another thread, if the process ends by itself, and how.
         """
         here, there = socket.socketpair()
         with there:
@@ -58,7 +51,7 @@ class HostProcess:
         self._connection = Connection(os.dup(here.fileno()))
         self._on_end = on_end
         self._sending = threading.Lock()
-        self._asked: dict[int, _Asked] = {}
+        self._asked: dict[int, Future[Any]] = {}
         self._count = 0
         self._ended = ""
         self._closing = False
@@ -73,8 +66,13 @@ class HostProcess:
         return self._child.pid
 
     def tell(self, message: Any) -> None:
-        """Sends the program something that has no answer."""
-        self._send(message)
+        """Sends the program something, whether or not it answers."""
+        data = pickle.dumps(message)
+        try:
+            with self._sending:
+                self._connection.send_bytes(data)
+        except OSError:
+            self._release()
 
     def open(
         self,
@@ -91,31 +89,30 @@ class HostProcess:
         bridge = RemoteBridge(self, port, rules, board, Callbacks(on_sent, on_face, on_state))
         self._bridge = bridge
         # The judge of shapes stays here: it is slow, and needs what the host must not load.
-        opening = Opening(port, replace(rules, shape_check=any_shape), {"board": board, **options})
-        opened: Opened = self.call("open", opening)
+        opened: Opened = self.call("open", port, replace(rules, shape_check=any_shape), board=board, **options)
         bridge.observer, bridge.board_timeout_s = opened.observer, opened.board_timeout_s
         bridge.refreshed(Refreshed(opened.snapshot, {}))
         return bridge
 
-    def call(self, name: str, *arguments: Any) -> Any:
+    def call(self, name: str, *arguments: Any, **options: Any) -> Any:
         """Calls a method there and waits for its end.
 
         Raises:
             BridgeError: what it raised; `StateError` if the process is gone.
         """
-        asked = _Asked()
+        asked: Future[Any] = Future()
         with self._sending:
             self._count += 1
             number = self._count
             self._asked[number] = asked
-        self._send(Call(number, name, arguments))
-        asked.done.wait()
-        del self._asked[number]
-        if asked.reply is None:
-            raise StateError(name, "gone", f"the bridge's process has ended ({self._ended}); start the bridge again")
-        if asked.reply.error is not None:
-            raise asked.reply.error
-        return asked.reply.value
+        self.tell(Call(number, name, arguments, options))
+        try:
+            return asked.result()
+        except CancelledError:
+            problem = f"the bridge's process has ended ({self._ended}); start the bridge again"
+            raise StateError(name, "gone", problem) from None
+        finally:
+            del self._asked[number]
 
     def close(self) -> int:
         """Lets go of the process, which holds the struts and ends; its exit code."""
@@ -131,23 +128,18 @@ class HostProcess:
 
     # ---- the connection -----------------------------------------------------------------------------------------------
 
-    def _send(self, message: Any) -> None:
-        data = pickle.dumps(message)
-        try:
-            with self._sending:
-                self._connection.send_bytes(data)
-        except OSError:
-            self._release()
-
     def _listen(self) -> None:
         try:
             while True:
                 message = pickle.loads(self._connection.recv_bytes(MOST_BYTES))
                 if isinstance(message, Reply):
                     asked = self._asked.get(message.number)
-                    if asked is not None:
-                        asked.reply = message
-                        asked.done.set()
+                    if asked is None or not asked.set_running_or_notify_cancel():
+                        continue
+                    if message.error is None:
+                        asked.set_result(message.value)
+                    else:
+                        asked.set_exception(message.error)
                 elif isinstance(message, Judge):
                     self._judging.put(message)
                 elif isinstance(message, Refreshed) and self._bridge is not None:
@@ -168,7 +160,7 @@ class HostProcess:
         """Nobody will answer any more."""
         self._ended = self._ended or "its connection is closed"
         for asked in list(self._asked.values()):
-            asked.done.set()
+            asked.cancel()
 
     def _judge(self) -> None:
         while (question := self._judging.get()) is not None:
@@ -177,13 +169,29 @@ class HostProcess:
                 problem = "no bridge is open" if bridge is None else bridge.rules.shape_check(question.lengths_m)
             except Exception as failure:  # whatever it is: what was not judged does not move
                 problem = f"cannot be judged, internal error: {failure!r}"
-            self._send(Verdict(question.number, problem))
+            self.tell(Judged(question.number, problem))
+
+
+_P = ParamSpec("_P")
+_R = TypeVar("_R")
+
+
+def _remote(method: Callable[Concatenate[Bridge, _P], _R]) -> Callable[Concatenate[RemoteBridge, _P], _R]:
+    """The same method of the bridge in the host's process."""
+
+    @wraps(method)
+    def call(bridge: RemoteBridge, /, *arguments: _P.args, **options: _P.kwargs) -> _R:
+        value: _R = bridge.host.call(method.__name__, *arguments, **options)
+        return value
+
+    return call
 
 
 class RemoteBridge:
     """As `Bridge`, in a host's process. After `close` only `snapshot` is of use.
 
     Attributes:
+        host: where it is.
         port, rules, board: as `Bridge`'s.
         observer: path of the virtual prototype's observer socket; None on a real port.
         board_timeout_s: as `Bridge`'s.
@@ -193,7 +201,7 @@ class RemoteBridge:
         self.port, self.rules, self.board = port, rules, board
         self.observer: str | None = None
         self.board_timeout_s: float | None = None
-        self._host = host
+        self.host = host
         self._callbacks = callbacks
         self._motions: dict[int, MotionHandle] = {}
         self._ends: dict[int, MotionResult] = {}
@@ -201,67 +209,31 @@ class RemoteBridge:
         self._snapshot: Snapshot | None = None
         self._progresses: dict[int, Progress] = {}
 
-    def close(self) -> None:
-        """As `Bridge.close`."""
-        self._host.call("close")
-
-    def judge_homing(self, confirmed_lengths_m: Sequence[float | None] | None = None) -> None:
-        """As `Bridge.judge_homing`."""
-        self._host.call("judge_homing", confirmed_lengths_m)
-
-    def judge_motion(self, trajectory: Trajectory, lease: str) -> None:
-        """As `Bridge.judge_motion`."""
-        self._host.call("judge_motion", trajectory, lease)
-
-    def returns(self, trajectory: Trajectory) -> bool:
-        """As `Bridge.returns`."""
-        return bool(self._host.call("returns", trajectory))
-
-    def arm(
-        self,
-        holder: str,
-        lifted_and_clear: bool,
-        confirmed_lengths_m: Sequence[float | None] | None = None,
-        prototype: str = "",
-    ) -> str:
-        """As `Bridge.arm`."""
-        return str(self._host.call("arm", holder, lifted_and_clear, confirmed_lengths_m, prototype))
-
-    def disarm(self, lease: str) -> None:
-        """As `Bridge.disarm`."""
-        self._host.call("disarm", lease)
+    close = _remote(Bridge.close)
+    judge_homing = _remote(Bridge.judge_homing)
+    judge_motion = _remote(Bridge.judge_motion)
+    returns = _remote(Bridge.returns)
+    arm = _remote(Bridge.arm)
+    disarm = _remote(Bridge.disarm)
+    hold = _remote(Bridge.hold)
+    stop = _remote(Bridge.stop)
+    reset = _remote(Bridge.reset)
+    observe_face = _remote(Bridge.observe_face)
 
     def prove(self, lease: str) -> None:
         """As `Bridge.prove`, but waits for no answer: a proof that is refused is as good as none."""
-        self._host.tell(Call(0, "prove", (lease,)))
+        self.host.tell(Call(0, "prove", (lease,)))
 
     def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0) -> MotionHandle:
         """As `Bridge.execute`."""
-        number, duration_s = self._host.call("execute", trajectory, lease, stamp_age_s, time.monotonic())
-        handle = MotionHandle(number, duration_s, self._progress, lambda number, reason: self._host.call("cancel", number, reason))
+        number, duration_s = self.host.call("execute", trajectory, lease, stamp_age_s, time.monotonic())
+        handle = MotionHandle(number, duration_s, self._progress, lambda number, reason: self.host.call("cancel", number, reason))
         with self._lock:
             if number in self._ends:
                 handle.finish(self._ends.pop(number))
             else:
                 self._motions[number] = handle
         return handle
-
-    def hold(self, reason: str) -> None:
-        """As `Bridge.hold`."""
-        self._host.call("hold", reason)
-
-    def stop(self, reason: str = "stop pressed") -> None:
-        """As `Bridge.stop`."""
-        self._host.call("stop", reason)
-
-    def reset(self) -> None:
-        """As `Bridge.reset`."""
-        self._host.call("reset")
-
-    def observe_face(self, face: str, source: str, settled: bool, detail: str = "") -> FaceEvent:
-        """As `Bridge.observe_face`."""
-        event: FaceEvent = self._host.call("observe_face", face, source, settled, detail)
-        return event
 
     def snapshot(self) -> Snapshot:
         """As `Bridge.snapshot`, at most `REFRESH_S` old; every change of state is in it at once. Waits for nothing."""
@@ -270,13 +242,10 @@ class RemoteBridge:
 
     def happened(self, event: Any) -> None:
         """For the host: something happened."""
-        if isinstance(event, SentEvent):
-            self._callbacks.sent(event)
-        elif isinstance(event, FaceEvent):
-            self._callbacks.face(event)
-        elif isinstance(event, Snapshot):
-            self._keep(event)
-            self._callbacks.state(event)
+        if isinstance(event, SentEvent | FaceEvent | Snapshot):
+            if isinstance(event, Snapshot):
+                self._keep(event)
+            self._callbacks.tell(event)
         else:
             number, result = event
             with self._lock:
@@ -299,12 +268,7 @@ class RemoteBridge:
                 self._snapshot = snapshot
 
     def _progress(self, handle: MotionHandle) -> Progress:
-        newest, result = self._progresses.get(handle.number), handle.result()
-        if newest is not None:
-            handle.sent_s = newest.elapsed_s
-        if result is not None and result.success:
-            handle.sent_s = handle.duration_s
-        fraction = 1.0 if handle.duration_s == 0 else handle.sent_s / handle.duration_s
-        return Progress(
-            fraction, handle.sent_s, handle.duration_s, self.snapshot().lengths_m if newest is None else newest.lengths_m
-        )
+        newest = self._progresses.get(handle.number)
+        if newest is None:
+            return handle.progress_at(None, self.snapshot().lengths_m)
+        return handle.progress_at(newest.elapsed_s, newest.lengths_m)

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 from hardware_bridge.safety.supervisor_messages import Now
 
@@ -16,16 +15,15 @@ class RobotClock:
         time_scale: robot seconds per second of the steady clock.
     """
 
-    def __init__(self, time_scale: float = 1.0, steady_ns: Callable[[], int] = time.monotonic_ns) -> None:
+    def __init__(self, time_scale: float = 1.0) -> None:
         self.time_scale = time_scale
-        self._steady_ns = steady_ns
-        self._start_ns = steady_ns()
+        self._start_ns = time.monotonic_ns()
 
     def now_ns(self) -> int:
         """Robot time in [ns]."""
-        return int((self._steady_ns() - self._start_ns) * self.time_scale)
+        return int((time.monotonic_ns() - self._start_ns) * self.time_scale)
 
     def now(self) -> Now:
         """This instant in robot time and in seconds of the steady clock."""
-        steady_ns = self._steady_ns()
+        steady_ns = time.monotonic_ns()
         return Now((steady_ns - self._start_ns) * self.time_scale * 1e-9, steady_ns * 1e-9)

@@ -43,15 +43,10 @@ class Verdict:
 
 
 def judge(answer: Answer, holds: bool, error_moves: bool) -> Verdict:
-    """Judges an answer.
+    """Judges an answer. `holds`: some strut holds, or is about to; `error_moves`: on this board an error may move the struts.
 
     An error on a board whose struts nobody holds yet is old news (a time-out while no bridge was there, say), and no
     fault; but where it moves struts, nobody knows any more where they are.
-
-    Args:
-        answer: what the board said.
-        holds: some strut holds, or is about to.
-        error_moves: on this board an error may move the struts.
     """
     errors, silent = answer.health.errors, answer.silent_channels
     unknown = bool(silent) or (bool(errors) and error_moves)

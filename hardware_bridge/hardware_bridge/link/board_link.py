@@ -15,6 +15,9 @@ from hardware_bridge.link.board_health import Answer
 from hardware_bridge.link.latency import Latency, Replies
 from hardware_bridge.link.transport import SerialTransport
 
+PORT_LIMIT_S = 0.5
+"""Longest wall time for which the port may keep its bytes to itself before the link is lost."""
+
 LATE_ANSWER_S = 0.5
 """Wall time after which a board that used to answer is late: what is sent to it may be queueing somewhere."""
 
@@ -34,8 +37,11 @@ class Link:
     is lost.
 
     Attributes:
+        transport: the port.
+        is_up: the port is open and nothing has failed since.
         battery_mv: last supply voltage that the board told, in [mV].
         write_errors: failed or partial writes.
+        congested_periods: how often `holds_back` said yes.
     """
 
     def __init__(
@@ -46,12 +52,12 @@ class Link:
         liveness_period_s: float | None,
         liveness_limit_s: float,
     ) -> None:
-        self._transport = transport
+        self.transport = transport
         self._board = board
         self._channels = tuple(channels)
         self._liveness_period_s = liveness_period_s
         self._liveness_limit_s = liveness_limit_s
-        self._up = False
+        self.is_up = False
         self._reply = bytearray()
         self._reply_bytes = 0
         asked = 1 if liveness_period_s is None else math.ceil(liveness_limit_s / liveness_period_s)
@@ -64,19 +70,10 @@ class Link:
         self._opened_s = 0.0
         self._dirty = False
         self.battery_mv: int | None = None
-        self.write_errors = 0
+        self.write_errors = self.congested_periods = 0
+        self._holds_since_s: float | None = None
         self._questions = self._unanswered = self._bad = 0
         self._reply_latency = Latency()
-
-    @property
-    def is_up(self) -> bool:
-        """Whether the port is open and nothing has failed since."""
-        return self._up
-
-    @property
-    def descriptor(self) -> int | None:
-        """As the transport's."""
-        return self._transport.descriptor
 
     def open(self) -> None:
         """Opens the port afresh; after a cut frame the link stays down until `resynchronise`.
@@ -85,7 +82,7 @@ class Link:
             TransportError: what the transport raises.
         """
         self.close()
-        self._transport.open()
+        self.transport.open()
         self._reply_bytes = 0
         self._energised.clear()
         self._asked_s = -float("inf")
@@ -93,34 +90,34 @@ class Link:
         self.battery_mv = None
         self._heard.clear()
         self._opened_s = time.monotonic()
-        self._up = not self._dirty
+        self.is_up = not self._dirty
 
     @property
     def has_answered(self) -> bool:
         """Whether the board has given a sound answer since the port was opened."""
         return self._heard.is_set()
 
-    def wait_for_first_answer(self) -> bool:
+    def wait_for_first_answer(self) -> None:
         """Waits, while somebody calls `attend`, until `has_answered`; not beyond `FIRST_ANSWER_LIMIT_S` after the opening.
 
         May be called from any thread.
         """
-        while self._up and not self._heard.is_set():
+        while self.is_up and not self._heard.is_set():
             left_s = self._opened_s + FIRST_ANSWER_LIMIT_S - time.monotonic()
             if left_s <= 0.0 or self._liveness_period_s is None:
                 break
             self._heard.wait(min(left_s, 0.05))
-        return self._heard.is_set()
 
-    def require_answered(self, silent_board: bool = False, word: str = "start the bridge with silent_board:=true") -> None:
-        """Raises BoardSilent: the board has never answered, and nobody has said that it cannot."""
-        if self._heard.is_set() or silent_board:
-            return
-        raise silence(self._transport.port, self._board, self._liveness_period_s is not None, word)
+    def require_answered(self) -> None:
+        """Raises BoardSilent: the board has not answered since the port was opened."""
+        if not self._heard.is_set():
+            word = "start the bridge with silent_board:=true"
+            raise silence(self.transport.port, self._board, self._liveness_period_s is not None, word)
 
     def begin_counting(self) -> None:
         """All counts from 0."""
-        self.write_errors = self._questions = self._unanswered = self._bad = 0
+        self.write_errors = self.congested_periods = self._questions = self._unanswered = self._bad = 0
+        self._holds_since_s = None
         self._reply_latency = Latency()
 
     @property
@@ -135,7 +132,7 @@ class Link:
         frame must be complete (see `Quirks`).
 
         Raises:
-            LinkLost: A board that used to answer does not; the link is down.
+            LinkLost: a board that used to answer does not; the link is down.
         """
         if not self._dirty:
             return False
@@ -147,59 +144,58 @@ class Link:
         else:
             if self._answers:
                 remedy = "switch the servo supply off and on, then reset"
-                raise LinkLost(self._transport.port, "does not answer after a cut frame", remedy, dirty=True)
-        self._dirty, self._up = False, True
+                raise LinkLost(self.transport.port, "does not answer after a cut frame", remedy, dirty=True)
+        self._dirty, self.is_up = False, True
         return True
 
     def close(self) -> None:
         """Closes the port."""
-        self._up = False
-        self._transport.close()
-
-    def down(self) -> None:
-        """Nothing more is written or read."""
-        self._up = False
+        self.is_up = False
+        self.transport.close()
 
     def lost(self, problem: str, remedy: str = "check power and link, then reset") -> LinkLost:
         """Takes the link down and makes the error that says so."""
-        self._up = False
-        return LinkLost(self._transport.port, problem, remedy)
+        self.is_up = False
+        return LinkLost(self.transport.port, problem, remedy)
 
     def write(self, data: bytes) -> None:
         """Writes all, or takes the link down and raises `LinkLost`."""
         if not data:
             return
         try:
-            self._transport.write_all(data)
+            self.transport.write_all(data)
         except LinkLost as error:
-            self._up = False
+            self.is_up = False
             self._dirty |= error.dirty
             self.write_errors += 1
             raise
 
-    def is_congested(self) -> bool:
-        """Whether anything is still waiting in the port: what is sent now would reach the board later than its turn."""
-        return self._transport.pending_bytes() > 0
+    def holds_back(self, now_s: float) -> bool:
+        """Whether a frame would only queue behind others: then it is not sent, and the motion goes on later.
 
-    def is_late(self, now_s: float) -> bool:
-        """Whether a board that used to answer has been silent for `LATE_ANSWER_S`.
+        The port still holds the frame before, or the board's answer is late: a slow radio link may hold back bytes where no port
+        tells of them. To be asked before every frame; `now_s` is wall time.
 
-        A slow radio link may hold back bytes where no port tells of them.
+        Raises:
+            LinkLost: the port has sent nothing on for `PORT_LIMIT_S`. A late answer has a limit of its own, see `attend`.
         """
+        if self.transport.pending_bytes() > 0:
+            self._holds_since_s = now_s if self._holds_since_s is None else self._holds_since_s
+            self.congested_periods += 1
+            if now_s - self._holds_since_s > PORT_LIMIT_S:
+                raise self.lost(f"has sent nothing on for {PORT_LIMIT_S:g} s")
+            return True
+        self._holds_since_s = None
         since_s = self._unanswered_since_s
-        return self._answers and since_s is not None and now_s - since_s > LATE_ANSWER_S
+        late = self._answers and since_s is not None and now_s - since_s > LATE_ANSWER_S
+        self.congested_periods += late
+        return late
 
     def attend(self, now_s: float, energised: Sequence[bool] = ()) -> Answer | None:
         """Reads what came, asks for a sign of life when it is time, and judges silence. `now_s` is wall time.
 
-        A board that has never answered is not missed: it is not armed either, see `require_answered`.
-
-        Args:
-            now_s: wall time, in [s].
-            energised: which channels have been sent a pulse.
-
-        Returns:
-            the board's answer, if it has become complete.
+        Gives the board's answer, if it has become complete; `energised` are the channels that have been sent a pulse. A board
+        that has never answered is not missed: it is not armed either, see `require_answered`.
 
         Raises:
             LinkLost: the port failed, or a board that used to answer has been silent for too long.
@@ -251,9 +247,9 @@ class Link:
 
     def _read(self) -> bytes:
         try:
-            return self._transport.read_available()
+            return self.transport.read_available()
         except LinkLost:
-            self._up = False
+            self.is_up = False
             raise
 
     def _wait_for_answer(self) -> bool:

@@ -15,13 +15,10 @@ KEPT = 1200
 class Percentiles(NamedTuple):
     """In [s]; all 0 while nothing was measured."""
 
-    median_s: float = 0.0
-    p95_s: float = 0.0
-    p99_s: float = 0.0
-    largest_s: float = 0.0
-
-
-NOTHING_MEASURED = Percentiles()
+    median_s: float
+    p95_s: float
+    p99_s: float
+    largest_s: float
 
 
 class Replies(NamedTuple):
@@ -34,13 +31,10 @@ class Replies(NamedTuple):
         latency: from question to answer; looked for at each frame, so it may read up to a frame's period too much.
     """
 
-    questions: int = 0
-    unanswered: int = 0
-    bad: int = 0
-    latency: Percentiles = NOTHING_MEASURED
-
-
-NOTHING_ASKED = Replies()
+    questions: int
+    unanswered: int
+    bad: int
+    latency: Percentiles
 
 
 class Latency:
@@ -55,6 +49,4 @@ class Latency:
 
     def percentiles(self) -> Percentiles:
         """Of what is kept."""
-        if not self._durations_s:
-            return NOTHING_MEASURED
-        return Percentiles(*map(float, np.percentile(self._durations_s, (50, 95, 99, 100))))
+        return Percentiles(*map(float, np.percentile(self._durations_s or (0.0,), (50, 95, 99, 100))))

@@ -17,7 +17,6 @@ import re
 import socket
 import stat
 import struct
-import sys
 from urllib.parse import urlsplit
 
 from hardware_bridge.errors import PortBusy, PortMissing, PortWrongKind
@@ -37,8 +36,6 @@ class PortLock:
         self.names = names
         self._held: list[socket.socket] = []
         for name in sorted(names):
-            if not sys.platform.startswith("linux"):
-                return  # the device's own lock is all there is
             taken = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
             try:
                 taken.bind(f"\0sixstrut-{name}")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bytes in, bytes out, over a device or a socket: `/dev/rfcomm0`, `socket://host:port`, a pty.
 
-A transport opens exclusively, writes all, reads exactly, closes; it knows no protocol. Every failure is an error that
+A transport opens exclusively, writes all, reads what has come, closes; it knows no protocol. Every failure is an error that
 names the port and what to do. pyserial and the kernel raise `SerialException` or a plain `OSError`; the second is
 the base of the first and is what is caught here.
 """
@@ -13,6 +13,7 @@ import os
 import select
 import threading
 import time
+from concurrent.futures import Future, wait
 
 import serial
 
@@ -26,9 +27,9 @@ class SerialTransport:
     """One exclusive serial port.
 
     Attributes:
+        descriptor: the open file, where the port is one.
         port: the path, or `socket://HOST:PORT`. Other URLs are refused: they hide a device, or are none.
         baud: rate of the port; the Bluetooth side of an rfcomm port ignores it.
-        read_timeout_s: longest wait of `read_exactly`, wall time.
         write_timeout_s: longest wait of `write_all`, wall time; about a frame, so that stop never waits longer.
         open_timeout_s: longest wait of `open`, wall time: a paired module that is off blocks the kernel for seconds.
     """
@@ -37,24 +38,17 @@ class SerialTransport:
         self,
         port: str,
         baud: int = 9600,
-        read_timeout_s: float = 0.2,
         write_timeout_s: float = 0.04,
         open_timeout_s: float = 10.0,
     ) -> None:
         self.port = port
         self.baud = baud
-        self.read_timeout_s = read_timeout_s
         self.write_timeout_s = write_timeout_s
         self.open_timeout_s = open_timeout_s
         self._serial: serial.Serial | None = None
         self._lock: PortLock | None = None
-        self._descriptor: int | None = None
-        self._opening: threading.Thread | None = None
-
-    @property
-    def descriptor(self) -> int | None:
-        """The open file, where the port is one."""
-        return self._descriptor
+        self.descriptor: int | None = None
+        self._opening: Future[tuple[serial.Serial, PortLock]] | None = None
 
     def open(self) -> None:
         """Opens the port exclusively, whatever its name is spelled like (see `port_lock`).
@@ -65,13 +59,13 @@ class SerialTransport:
         if self._serial is not None:
             return
         self._serial, self._lock = self._open_within_limit()
-        self._descriptor = _descriptor(self._serial)
+        self.descriptor = _descriptor(self._serial)
         # With a descriptor, write_all waits by itself: pyserial also reports a timeout after a late but complete write.
-        self._serial.write_timeout = self.write_timeout_s if self._descriptor is None else 0
+        self._serial.write_timeout = self.write_timeout_s if self.descriptor is None else 0
 
     def close(self) -> None:
         """Closes the port; closing twice, or after the peer is gone, is fine."""
-        port, self._serial, self._descriptor = self._serial, None, None
+        port, self._serial, self.descriptor = self._serial, None, None
         try:
             if port is not None:
                 port.close()
@@ -93,30 +87,15 @@ class SerialTransport:
         rest = memoryview(data)
         try:
             while rest:
-                if self._descriptor is not None:
+                if self.descriptor is not None:
                     wait_s = max(0.0, deadline - time.monotonic())
-                    if not select.select([], [self._descriptor], [], wait_s)[1]:
+                    if not select.select([], [self.descriptor], [], wait_s)[1]:
                         taken = len(data) - len(rest)
                         raise self._lost(f"took {taken} of {len(data)} bytes in time", dirty=taken > 0)
                 count = port.write(bytes(rest))
                 rest = rest[count or 0 :]
         except OSError as error:
             raise self._lost(f"write failed ({error})", dirty=True) from error
-
-    def read_exactly(self, count: int) -> bytes:
-        """`count` bytes, or an error after `read_timeout_s`.
-
-        Raises:
-            LinkLost: the port failed, or sent fewer bytes in time.
-        """
-        port = self._require_open()
-        try:
-            data = bytes(port.read(count))
-        except OSError as error:
-            raise self._lost(f"read failed ({error})") from error
-        if len(data) < count:
-            raise self._lost(f"sent {len(data)} of {count} bytes in {self.read_timeout_s:g} s")
-        return data
 
     def read_available(self, limit: int = 256) -> bytes:
         """What has arrived, up to `limit` bytes, without waiting.
@@ -153,46 +132,34 @@ class SerialTransport:
         return LinkLost(self.port, problem, remedy, dirty)
 
     def _open_within_limit(self) -> tuple[serial.Serial, PortLock]:
-        opened: list[tuple[serial.Serial, PortLock]] = []
-        failed: list[BaseException] = []
-        lock = threading.Lock()
-        given_up = False
+        deadline = time.monotonic() + self.open_timeout_s
+        too_late = PortMissing(self.port, f"did not open in {self.open_timeout_s:g} s", REMEDY_MISSING)
+        if self._opening is not None and not wait([self._opening], self.open_timeout_s).done:
+            raise too_late  # an attempt that was given up still holds the port
+        opening: Future[tuple[serial.Serial, PortLock]] = Future()
+        self._opening = opening
 
         def work() -> None:
             try:
-                port, held = self._open_locked()
+                opening.set_result(self._open_locked())
             except Exception as error:
-                failed.append(error)
-                return
-            with lock:
-                if given_up:
-                    port.close()
-                    held.release()
-                else:
-                    opened.append((port, held))
+                opening.set_exception(error)
 
-        deadline = time.monotonic() + self.open_timeout_s
-        if self._opening is not None:
-            self._opening.join(self.open_timeout_s)  # an attempt that was given up still holds the port
-            if self._opening.is_alive():
-                raise PortMissing(self.port, f"did not open in {self.open_timeout_s:g} s", REMEDY_MISSING)
-        self._opening = threading.Thread(target=work, name="open serial port", daemon=True)
-        self._opening.start()
-        self._opening.join(max(0.0, deadline - time.monotonic()))
-        with lock:
-            if opened:
-                return opened[0]
-            given_up = True
-        if failed:
-            raise self._explain(failed[0]) from failed[0]
-        raise PortMissing(self.port, f"did not open in {self.open_timeout_s:g} s", REMEDY_MISSING)
+        threading.Thread(target=work, name="open serial port", daemon=True).start()
+        if not wait([opening], max(0.0, deadline - time.monotonic())).done:
+            opening.add_done_callback(_let_go)
+            raise too_late
+        try:
+            return opening.result()
+        except Exception as error:
+            raise self._explain(error) from error
 
     def _open_locked(self) -> tuple[serial.Serial, PortLock]:
         held = lock_port(self.port)
         try:
             is_url = "://" in self.port
             port = serial.serial_for_url(
-                self.port if is_url else os.path.realpath(self.port), baudrate=self.baud, timeout=self.read_timeout_s,
+                self.port if is_url else os.path.realpath(self.port), baudrate=self.baud, timeout=0,
                 exclusive=None if is_url else True,
             )  # fmt: skip
             try:
@@ -206,7 +173,7 @@ class SerialTransport:
             raise
         return port, held
 
-    def _explain(self, error: BaseException) -> TransportError:
+    def _explain(self, error: Exception) -> TransportError:
         if isinstance(error, TransportError):
             return error
         number = getattr(error, "errno", None)
@@ -225,3 +192,11 @@ def _descriptor(port: serial.Serial) -> int | None:
         return int(port.fileno())
     except (OSError, AttributeError):
         return None
+
+
+def _let_go(opening: Future[tuple[serial.Serial, PortLock]]) -> None:
+    """Of a port that opened when nobody waited for it any more."""
+    if opening.exception() is None:
+        port, held = opening.result()
+        port.close()
+        held.release()

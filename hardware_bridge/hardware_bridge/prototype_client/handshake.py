@@ -43,7 +43,7 @@ class Handshake:
         device: the pty behind the link.
         time_scale: its robot seconds per second.
         observer: path of its observer's socket.
-        board: the board that it emulates (see `codecs.registry`).
+        board: the board that it emulates (see `boards.registry`).
     """
 
     pid: int
@@ -151,14 +151,8 @@ def _proven(link: Path) -> Handshake:
         pid, answer = _ask(f"/proc/self/fd/{folder}/{faults_path(link).name}")
     finally:
         os.close(folder)
-    shake = Handshake(
-        pid,
-        str(answer["instance"]),
-        str(answer["device"]),
-        float(answer["time_scale"]),
-        str(observer_path(link)),
-        str(answer["board"]),
-    )
+    who, where, board = (str(answer[key]) for key in ("instance", "device", "board"))
+    shake = Handshake(pid, who, where, float(answer["time_scale"]), str(observer_path(link)), board)
     if shake.device != device:
         raise OSError(None, f"the link leads to {device}, but the virtual prototype's pty is {shake.device}")
     if not (shake.instance and math.isfinite(shake.time_scale) and shake.time_scale > 0):

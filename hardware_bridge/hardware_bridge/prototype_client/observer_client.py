@@ -35,7 +35,7 @@ class ObserverClient:
         self,
         path: str,
         on_observation: Callable[[Observation], None],
-        on_connection: Callable[[bool], None] | None = None,
+        on_connection: Callable[[bool], None] = lambda connected: None,
     ) -> None:
         self._path = path
         self._on_observation = on_observation
@@ -92,8 +92,7 @@ class ObserverClient:
             _log.exception("callback of the observer's client")
 
     def _tell(self, connected: bool) -> None:
-        if self._on_connection is not None:
-            try:
-                self._on_connection(connected)
-            except Exception:
-                _log.exception("callback of the observer's client")
+        try:
+            self._on_connection(connected)
+        except Exception:
+            _log.exception("callback of the observer's client")

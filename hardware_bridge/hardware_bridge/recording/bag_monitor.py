@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-import os
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -15,8 +15,7 @@ STUCK_S = 2.0
 
 def free_mb(folder: Path) -> float:
     """Free space for us where a folder is, in MB. Raises OSError."""
-    status = os.statvfs(folder)
-    return status.f_bavail * status.f_frsize * 1e-6
+    return shutil.disk_usage(folder).free * 1e-6
 
 
 class LogWatch:

@@ -48,12 +48,11 @@ class Quota:
         dropped: messages that were over it.
     """
 
-    def __init__(self, bytes_per_s: float = BYTES_PER_S, messages_per_s: float = MESSAGES_PER_S):
+    def __init__(self) -> None:
         self.dropped = 0
         self._now_s = 0.0
-        self._bytes, self._messages = (
-            RateLimit(rate * BURST_S, rate, lambda: self._now_s) for rate in (bytes_per_s, messages_per_s)
-        )
+        self._bytes = RateLimit(BYTES_PER_S * BURST_S, BYTES_PER_S, lambda: self._now_s)
+        self._messages = RateLimit(MESSAGES_PER_S * BURST_S, MESSAGES_PER_S, lambda: self._now_s)
 
     def takes(self, size: int, now_s: float) -> bool:
         """Whether a message of `size` bytes may be kept, at a time of a steady clock in s."""

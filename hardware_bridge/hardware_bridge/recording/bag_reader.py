@@ -11,16 +11,28 @@ from __future__ import annotations
 
 import struct
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
+from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO, NamedTuple
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.recording.bag_types import misfit_of
 from sim_core.printable import printable
 
 MAGIC = b"\x89MCAP0\r\n"
+FRAME = struct.Struct("<BQ")
+"""What a record begins with: its kind and its length."""
+MESSAGE_HEAD = struct.Struct("<HIQQ")
+"""What a message begins with: channel, number, log time and publish time."""
 MOST_RECORD = 256 << 20
 MOST_CHUNK = 64 << 20
 """Unpacked. Writers cut chunks at about 1 MB; one large message makes a larger one."""
@@ -35,11 +47,6 @@ MOST_WANTED = 1 << 30
 MOST_ATTACHED = 64 << 20
 MOST_CHANNELS = 10_000
 
-_HEADER, _FOOTER, _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK = 1, 2, 3, 4, 5, 6
-_ATTACHMENT, _METADATA, _DATA_END = 9, 12, 15
-_FRAME = struct.Struct("<BQ")
-_MESSAGE_HEAD = struct.Struct("<HIQQ")
-_CHUNK_HEAD = struct.Struct("<QQQII")
 _COPY = "copy it again from where it was recorded"
 
 
@@ -105,12 +112,15 @@ class Bag:
     def session(self, since_ns: int = 0, until_ns: int = 1 << 64, required: bool = True) -> Session:
         """What was logged within a span, decoded. `required`: a topic that cannot be decoded is an error. Raises BagError."""
         session = Session(self.path, attachments=self.attachments, metadata=self.metadata)
-        decoders = _Decoders(self.path)
+        decoders: dict[tuple[Any, ...], Callable[[bytes], Any] | None] = {}
         for message in self.messages:
             if since_ns <= message.log_time_ns < until_ns:
-                decoded = decoders.decoded(message, required)
-                if decoded is not None:
-                    recorded = Recorded(message.topic, message.log_time_ns, decoded)
+                kind = message[:4]
+                if kind not in decoders:
+                    decoders[kind] = _decoder(self.path, message, required)
+                decode = decoders[kind]
+                if decode is not None:
+                    recorded = Recorded(message.topic, message.log_time_ns, _decoded(self.path, message, decode))
                     session.messages.setdefault(message.topic, []).append(recorded)
         return session
 
@@ -120,32 +130,28 @@ def seconds_of(stamp: Any) -> float:
     return float(stamp.sec + 1e-9 * stamp.nanosec)
 
 
-def read_session(
-    path: Path | str, since_ns: int | None = None, until_ns: int | None = None, topics: Collection[str] | None = None
-) -> Session:
+def read_session(path: Path | str, since_ns: int = 0, until_ns: int = 1 << 64, topics: Collection[str] | None = None) -> Session:
     """Read a bag, or only what was logged within a span.
 
     Args:
         path: of the bag.
-        since_ns: earliest log time (ROS time); None: from the beginning.
-        until_ns: end of the span, itself left out; None: to the end.
+        since_ns: earliest log time (ROS time).
+        until_ns: end of the span, itself left out.
         topics: that are decoded, such as "bridge/struts_sent"; None: all that can be.
 
     Raises:
         BagError: one line with the cause and what to do: missing, no MCAP file, cut short, damaged, too large, or of other types.
     """
-    return read_bag(path, since_ns, until_ns, topics).session(required=topics is not None)
+    return read_bag(path, topics).session(since_ns, until_ns, required=topics is not None)
 
 
-def read_bag(
-    path: Path | str, since_ns: int | None = None, until_ns: int | None = None, topics: Collection[str] | None = None
-) -> Bag:
+def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Bag:
     """Read a bag without decoding a message. Args, Raises: as `read_session`."""
     file = Path(path)
     try:
         size = file.stat().st_size
         with file.open("rb") as stream:
-            bag = _Reading(file, stream, size, since_ns, until_ns, topics).bag()
+            bag = _Reading(file, stream, size, topics).bag()
     except IsADirectoryError as error:
         inside = sorted(file.glob("*.mcap"))
         what = f"it holds {inside[0].name}" if inside else "there is no .mcap file in it"
@@ -161,7 +167,7 @@ def live_name(topic: str) -> str:
     return topic.removeprefix("/recorded/").lstrip("/")
 
 
-class _Channel(NamedTuple):
+class _Topic(NamedTuple):
     topic: str
     encoding: str
     schema: tuple[str, str, str] | None
@@ -171,22 +177,12 @@ class _Channel(NamedTuple):
 class _Reading:
     """One pass through a file."""
 
-    def __init__(
-        self,
-        path: Path,
-        stream: BinaryIO,
-        size: int,
-        since_ns: int | None,
-        until_ns: int | None,
-        topics: Collection[str] | None,
-    ):
+    def __init__(self, path: Path, stream: BinaryIO, size: int, topics: Collection[str] | None) -> None:
         self._bag = Bag(path)
         self._stream, self._size = stream, size
-        self._since = 0 if since_ns is None else since_ns
-        self._until = 1 << 64 if until_ns is None else until_ns
         self._topics = topics
         self._schemas: dict[int, tuple[str, str, str]] = {}
-        self._channels: dict[int, _Channel] = {}
+        self._channels: dict[int, _Topic] = {}
         self._records = self._wanted = self._unpacked = self._attached = 0
         self._at = 0
         self._crc = 0
@@ -204,13 +200,11 @@ class _Reading:
         while True:
             opcode, body = self._record(first)
             first = False
-            if opcode == _FOOTER:
+            if opcode == Opcode.FOOTER:
                 return self._bag
             try:
                 self._take(opcode, body)
-            except BagError:
-                raise
-            except (struct.error, ValueError, EOFError, IndexError) as error:
+            except (McapError, zstandard.ZstdError, RuntimeError, EOFError, struct.error, ValueError) as error:
                 raise self._damaged(f"a record of kind {opcode} makes no sense ({printable(str(error), 80)})") from error
 
     def _read_magic(self) -> None:
@@ -243,13 +237,13 @@ class _Reading:
 
     def _record(self, first: bool) -> tuple[int, bytes]:
         """The next one, with the checksums that end a section checked."""
-        frame = self._stream.read(_FRAME.size)
-        if len(frame) < _FRAME.size:
+        frame = self._stream.read(FRAME.size)
+        if len(frame) < FRAME.size:
             raise self._cut()
-        opcode, length = _FRAME.unpack(frame)
-        if first and opcode != _HEADER:
+        opcode, length = FRAME.unpack(frame)
+        if first and opcode != Opcode.HEADER:
             raise self._damaged("it does not begin with a header")
-        left = self._size - self._at - _FRAME.size
+        left = self._size - self._at - FRAME.size
         if length > left:
             if length > MOST_RECORD and left > MOST_RECORD:
                 raise self._damaged(f"a record says that it has {length} bytes")
@@ -259,12 +253,12 @@ class _Reading:
         body = self._stream.read(length)
         if len(body) < length:
             raise self._cut()
-        if opcode == _DATA_END:
+        if opcode == Opcode.DATA_END:
             (expected,) = struct.unpack_from("<I", body) if len(body) >= 4 else (1,)
             if expected and expected != self._crc:
                 raise self._damaged("the checksum of all before does not fit")
             self._crc = 0
-        elif opcode == _FOOTER:
+        elif opcode == Opcode.FOOTER:
             (expected,) = struct.unpack_from("<I", body, 16) if len(body) >= 20 else (1,)
             if expected and expected != zlib.crc32(body[:16], zlib.crc32(frame, self._crc)):
                 raise self._damaged("the checksum of its index does not fit")
@@ -272,114 +266,93 @@ class _Reading:
                 raise self._cut()
         else:
             self._crc = zlib.crc32(body, zlib.crc32(frame, self._crc))
-        self._at += _FRAME.size + length
+        self._at += FRAME.size + length
         return opcode, body
 
     def _take(self, opcode: int, body: bytes) -> None:
-        if opcode == _SCHEMA:
-            self._take_schema(body)
-        elif opcode == _CHANNEL:
-            self._take_channel(body)
-        elif opcode == _MESSAGE:
-            self._take_message(body, 0, len(body))
-        elif opcode == _CHUNK:
-            self._take_chunk(body)
-        elif opcode == _ATTACHMENT:
-            self._take_attachment(body)
-        elif opcode == _METADATA:
-            self._take_metadata(body)
-
-    def _take_schema(self, body: bytes) -> None:
-        reader = _Fields(body)
-        number = reader.number("<H")
-        name, encoding = reader.text(), reader.text()
-        if len(self._schemas) >= MOST_CHANNELS:
-            raise self._damaged(f"more than {MOST_CHANNELS} definitions")
-        self._schemas.setdefault(number, (name, encoding, reader.blob("<I").decode("utf-8", errors="replace")))
-
-    def _take_channel(self, body: bytes) -> None:
-        reader = _Fields(body)
-        number, schema = reader.number("<H"), reader.number("<H")
-        topic, encoding = live_name(reader.text()), reader.text()
-        if number not in self._channels:
-            self._channels[number] = _Channel(topic, encoding, self._schemas.get(schema), is_among(topic, self._topics))
+        fields = ReadDataStream(BytesIO(body))
+        match opcode:
+            case Opcode.SCHEMA:
+                schema = Schema.read(fields)
+                if len(self._schemas) >= MOST_CHANNELS:
+                    raise self._damaged(f"more than {MOST_CHANNELS} definitions")
+                definition = schema.data.decode("utf-8", errors="replace")
+                self._schemas.setdefault(schema.id, (schema.name, schema.encoding, definition))
+            case Opcode.CHANNEL:
+                channel = Channel.read(fields)
+                topic, of_type = live_name(channel.topic), self._schemas.get(channel.schema_id)
+                known = _Topic(topic, channel.message_encoding, of_type, is_among(topic, self._topics))
+                self._channels.setdefault(channel.id, known)
+            case Opcode.MESSAGE:
+                self._take_message(body, 0, len(body))
+            case Opcode.CHUNK:
+                self._take_chunk(Chunk.read(fields))
+            case Opcode.ATTACHMENT:
+                attachment = Attachment.read(fields)
+                (crc,) = struct.unpack_from("<I", body, len(body) - 4)
+                if crc and zlib.crc32(body[:-4]) != crc:
+                    raise self._damaged(f"the checksum of attachment {printable(attachment.name, 40)} does not fit")
+                self._keep(len(attachment.data))
+                self._bag.attachments[attachment.name] = attachment.data
+            case Opcode.METADATA:
+                metadata = Metadata.read(fields)
+                self._keep(len(body))
+                self._bag.metadata[metadata.name] = metadata.metadata
 
     def _take_message(self, data: bytes, start: int, end: int) -> None:
-        number, _, log_time, _ = _MESSAGE_HEAD.unpack_from(data, start)
+        number, _, log_time, _ = MESSAGE_HEAD.unpack_from(data, start)
         channel = self._channels.get(number)
         if channel is None:
             raise self._damaged(f"a message of channel {number}, which it does not declare")
-        if not channel.wanted or not self._since <= log_time < self._until:
+        if not channel.wanted:
             return
         self._wanted += end - start
         if len(self._bag.messages) >= MOST_MESSAGES or self._wanted > min(MOST_WANTED, FREE + 100 * self._size):
             raise self._fail("is too large to be read at once", f"at most {MOST_MESSAGES} messages and 1 GB are")
         schema = channel.schema or ("", "", "")
         encoding = channel.encoding if schema[1] in ("ros2msg", "") or channel.encoding != "cdr" else f"cdr with {schema[1]}"
-        body = data[start + _MESSAGE_HEAD.size : end]
+        body = data[start + MESSAGE_HEAD.size : end]
         self._bag.messages.append(Raw(channel.topic, schema[0], schema[2], encoding, log_time, body))
 
-    def _take_chunk(self, body: bytes) -> None:
-        _, _, unpacked, crc, length = _CHUNK_HEAD.unpack_from(body)
-        compression = body[_CHUNK_HEAD.size : _CHUNK_HEAD.size + length].decode("ascii")
-        packed = memoryview(body)[_CHUNK_HEAD.size + length + 8 :]
-        self._unpacked += unpacked
-        if unpacked > MOST_CHUNK or self._unpacked > FREE + MOST_RATIO * self._size:
+    def _take_chunk(self, chunk: Chunk) -> None:
+        self._unpacked += chunk.uncompressed_size
+        if chunk.uncompressed_size > MOST_CHUNK or self._unpacked > FREE + MOST_RATIO * self._size:
             raise self._fail(f"unpacks to more than its {self._size} bytes can be worth", "it was not made by a recorder")
-        data = self._unpack(compression, packed, unpacked)
-        if crc and zlib.crc32(data) != crc:
+        data = self._unpack(chunk)
+        if len(data) != chunk.uncompressed_size:
+            raise self._damaged("a chunk does not unpack to what it says")
+        if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
             raise self._damaged("the checksum of a chunk does not fit")
         at = 0
         while at < len(data):
-            opcode, length = _FRAME.unpack_from(data, at)
-            at += _FRAME.size
+            opcode, length = FRAME.unpack_from(data, at)
+            at += FRAME.size
             self._records += 1
             if opcode == 0 or length > len(data) - at:
                 raise self._damaged("a record in a chunk makes no sense")
             if self._records > FREE_RECORDS + self._size:
                 raise self._fail(f"has more records than its {self._size} bytes can be worth", "it was not made by a recorder")
-            if opcode == _MESSAGE:
+            if opcode == Opcode.MESSAGE:
                 self._take_message(data, at, at + length)
-            elif opcode in (_SCHEMA, _CHANNEL):
+            elif opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
                 self._take(opcode, data[at : at + length])
             at += length
 
-    def _unpack(self, compression: str, packed: memoryview, unpacked: int) -> bytes:
+    def _unpack(self, chunk: Chunk) -> bytes:
         """A chunk's records: no more memory is used than was said and permitted."""
-        if compression == "":
-            data = bytes(packed)
-        elif compression == "zstd":
-            data = _unpack_zstd(packed, unpacked)
-        elif compression == "lz4":
-            data = _unpack_lz4(packed, unpacked)
-        else:
-            remedy = "record it again with zstd, lz4 or none"
-            raise self._fail(f"is compressed with {printable(compression, 20)}, which is not known here", remedy)
-        if len(data) != unpacked:
-            raise self._damaged("a chunk does not unpack to what it says")
-        return data
-
-    def _take_attachment(self, body: bytes) -> None:
-        reader = _Fields(body)
-        reader.number("<QQ")
-        name = reader.text()
-        reader.text()
-        data = reader.blob("<Q")
-        (crc,) = struct.unpack_from("<I", body, len(body) - 4)
-        if crc and zlib.crc32(body[:-4]) != crc:
-            raise self._damaged(f"the checksum of attachment {printable(name, 40)} does not fit")
-        self._keep(len(data))
-        self._bag.attachments[name] = data
-
-    def _take_metadata(self, body: bytes) -> None:
-        reader = _Fields(body)
-        name, found = reader.text(), {}
-        inner = _Fields(reader.blob("<I"))
-        while inner.left:
-            key = inner.text()
-            found[key] = inner.text()
-        self._keep(len(body))
-        self._bag.metadata[name] = found
+        size = chunk.uncompressed_size
+        match chunk.compression:
+            case "":
+                return chunk.data
+            case "zstd":
+                told = zstandard.frame_content_size(chunk.data)  # what it says itself would be believed
+                if told not in (-1, size):
+                    raise self._damaged(f"a chunk of {size} bytes says that it has {told}")
+                return zstandard.ZstdDecompressor().decompress(chunk.data, max_output_size=size) if size else b""
+            case "lz4":
+                return bytes(lz4.frame.LZ4FrameDecompressor().decompress(chunk.data, max_length=size + 1))
+        other = printable(chunk.compression, 20)
+        raise self._fail(f"is compressed with {other}, which is not known here", "record it again with zstd, lz4 or none")
 
     def _keep(self, size: int) -> None:
         self._attached += size + 100
@@ -392,89 +365,32 @@ def is_among(topic: str, topics: Collection[str] | None) -> bool:
     return topics is None or any(topic == wanted or topic.endswith("/" + wanted) for wanted in topics)
 
 
-class _Fields:
-    """A record's fields, one after the other; what a length says is never more than there is."""
+def _decoder(path: Path, message: Raw, required: bool) -> Callable[[bytes], Any] | None:
+    """What decodes messages like this one, by the definition in their bag.
 
-    def __init__(self, data: bytes):
-        self._data, self._at = data, 0
+    None: they are of a topic that nobody requires, and foreign. Raises BagError.
+    """
+    from mcap_ros2.decoder import DecoderFactory
 
-    @property
-    def left(self) -> bool:
-        return self._at < len(self._data)
-
-    def number(self, layout: str) -> int:
-        value = int(struct.unpack_from(layout, self._data, self._at)[0])
-        self._at += struct.calcsize(layout)
-        return value
-
-    def blob(self, layout: str) -> bytes:
-        length = self.number(layout)
-        if length > len(self._data) - self._at:
-            raise ValueError(f"{length} bytes are said, {len(self._data) - self._at} are there")
-        self._at += length
-        return self._data[self._at - length : self._at]
-
-    def text(self) -> str:
-        return self.blob("<I").decode("utf-8")
-
-
-def _unpack_zstd(packed: memoryview, unpacked: int) -> bytes:
-    import zstandard
-
-    try:
-        told = zstandard.frame_content_size(packed)  # what it says itself would be believed
-        if told not in (-1, unpacked):
-            raise ValueError(f"a chunk of {unpacked} bytes says that it has {told}")
-        return zstandard.ZstdDecompressor().decompress(packed, max_output_size=unpacked) if unpacked else b""
-    except zstandard.ZstdError as error:
-        raise ValueError(f"zstd: {error}") from error
-
-
-def _unpack_lz4(packed: memoryview, unpacked: int) -> bytes:
-    import lz4.frame
-
-    try:
-        return bytes(lz4.frame.LZ4FrameDecompressor().decompress(packed, max_length=unpacked + 1))
-    except (RuntimeError, EOFError) as error:
-        raise ValueError(f"lz4: {error}") from error
-
-
-class _Decoders:
-    """Decodes messages by the definitions in their bag."""
-
-    def __init__(self, path: Path):
-        self._path = path
-        self._known: dict[tuple[str, str, str, str], Any] = {}
-
-    def decoded(self, message: Raw, required: bool) -> Any:
-        """The message, or None if it is of a topic that nobody requires, and foreign. Raises BagError."""
-        key = (message.topic, message.type_name, message.encoding, message.definition)
-        if key not in self._known:
-            self._known[key] = self._decoder(message, required)
-        decode = self._known[key]
-        if decode is None:
-            return None
+    misfit = misfit_of(message.topic, message.type_name, message.definition, message.encoding)
+    if misfit is None and message.encoding == "cdr":
+        definition = Schema(id=1, name=message.type_name, encoding="ros2msg", data=message.definition.encode())
         try:
-            return decode(message.data)
-        except (Exception, RecursionError) as error:
-            where = f"{printable(message.topic, 60)} at {message.log_time_ns} ns"
-            raise BagError(
-                f"{self._path}: a message of {where} does not fit its definition ({printable(str(error), 60)}): "
-                "the bag was changed or is damaged, copy it again"
-            ) from error
+            return DecoderFactory().decoder_for("cdr", definition)
+        except Exception as error:
+            misfit = f"its definition cannot be understood ({printable(str(error), 60)})"
+    if misfit is None and not required:
+        return None
+    problem = misfit or f"is in {printable(message.encoding, 30)}, valid is cdr with a ros2msg definition"
+    raise BagError(f"{path}: topic {printable(message.topic, 60)}: {problem}; record it with the bridge")
 
-    def _decoder(self, message: Raw, required: bool) -> Any:
-        from mcap.records import Schema
-        from mcap_ros2.decoder import DecoderFactory
 
-        misfit = misfit_of(message.topic, message.type_name, message.definition, message.encoding)
-        if misfit is None and message.encoding == "cdr":
-            definition = Schema(id=1, name=message.type_name, encoding="ros2msg", data=message.definition.encode())
-            try:
-                return DecoderFactory().decoder_for("cdr", definition)
-            except (Exception, RecursionError) as error:
-                misfit = f"its definition cannot be understood ({printable(str(error), 60)})"
-        if misfit is None and not required:
-            return None
-        problem = misfit or f"is in {printable(message.encoding, 30)}, valid is cdr with a ros2msg definition"
-        raise BagError(f"{self._path}: topic {printable(message.topic, 60)}: {problem}; record it with the bridge")
+def _decoded(path: Path, message: Raw, decode: Callable[[bytes], Any]) -> Any:
+    try:
+        return decode(message.data)
+    except Exception as error:
+        where = f"{printable(message.topic, 60)} at {message.log_time_ns} ns"
+        raise BagError(
+            f"{path}: a message of {where} does not fit its definition ({printable(str(error), 60)}): "
+            "the bag was changed or is damaged, copy it again"
+        ) from error

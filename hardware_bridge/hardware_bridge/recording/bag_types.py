@@ -9,73 +9,55 @@ from __future__ import annotations
 import re
 from functools import lru_cache
 
-_HEADER = {"std_msgs/Header": "Time stamp", "builtin_interfaces/Time": "int32 sec, uint32 nanosec"}
-_POINT = "float64 x, float64 y, float64 z"
+from hardware_bridge.recording.message_definitions import FIELD
 
-TOPICS: dict[str, tuple[str, dict[str, str]]] = {
+TOPICS: dict[str, tuple[str, str]] = {
     "bridge/struts_sent": (
         "tensegrity_interfaces/msg/StrutsSent",
-        {
-            "": "Header header, uint64 seq, int64 robot_time_ns, bool heartbeat, float64[6] length_m, uint16[6] pulse_us, "
-            "uint16 duration_ms, uint8[] frame",
-            **_HEADER,
-        },
+        "Header header, uint64 seq, int64 robot_time_ns, bool heartbeat, float64[6] length_m, uint16[6] pulse_us, "
+        "uint16 duration_ms, uint8[] frame",
     ),
     "bridge/face": (
         "tensegrity_interfaces/msg/FaceObservation",
-        {"": "Header header, uint64 seq, int64 robot_time_ns, string face, string source, bool settled", **_HEADER},
+        "Header header, uint64 seq, int64 robot_time_ns, string face, string source, bool settled",
     ),
     "twin/state": (
         "tensegrity_interfaces/msg/TwinState",
-        {
-            "": "Header header, int64 robot_time_ns, uint64 step, uint64 first_seq, uint64 last_seq, string digest, "
-            "string model_hash, string face, bool at_rest",
-            **_HEADER,
-        },
+        "Header header, int64 robot_time_ns, uint64 step, uint64 first_seq, uint64 last_seq, string digest, string model_hash, "
+        "string face, bool at_rest",
     ),
     "bridge/asked": (
         "trajectory_msgs/msg/JointTrajectory",
-        {
-            "": "Header header, string[] joint_names, JointTrajectoryPoint[] points",
-            "trajectory_msgs/JointTrajectoryPoint": "float64[] positions",
-            **_HEADER,
-        },
+        "Header header, string[] joint_names, JointTrajectoryPoint[] points",
     ),
-    "bridge/observed_joints": (
-        "geometry_msgs/msg/PoseArray",
-        {
-            "": "Header header, Pose[] poses",
-            "geometry_msgs/Pose": "Point position",
-            "geometry_msgs/Point": _POINT,
-            **_HEADER,
-        },
-    ),
+    "bridge/observed_joints": ("geometry_msgs/msg/PoseArray", "Header header, Pose[] poses"),
     "bridge/trial": (
         "tensegrity_interfaces/msg/TrialRecord",
-        {
-            "": "Header header, string event, uint32 number, string session, string experimenter, string robot, "
-            "bool virtual_robot, string library, string library_hash, string primitive, string roll_class, string source, "
-            "string target, uint32 repeat, bool proper, int8[6] policy_mm, float64 odds, bool predicted, string outcome, "
-            "string reason, string observed_face, string[] faces, Time began, float64 robot_s, float64 wall_s, "
-            "float64 battery_v, string faults, string bag, float64 bag_offset_s",
-            **_HEADER,
-        },
+        "Header header, string event, uint32 number, string session, string experimenter, string robot, bool virtual_robot, "
+        "string library, string library_hash, string primitive, string roll_class, string source, string target, uint32 repeat, "
+        "bool proper, int8[6] policy_mm, float64 odds, bool predicted, string outcome, string reason, string observed_face, "
+        "string[] faces, Time began, float64 robot_s, float64 wall_s, float64 battery_v, string faults, string bag, "
+        "float64 bag_offset_s",
     ),
-    "rehearsal": (
-        "tensegrity_interfaces/msg/Rehearsal",
-        {
-            "": "Header header, string source_face, RehearsedGait[] gaits",
-            "tensegrity_interfaces/RehearsedGait": "string target_face, string primitive, uint32 members, float64 odds, "
-            "string[] faces",
-            **_HEADER,
-        },
-    ),
-    "bridge/state": ("tensegrity_interfaces/msg/BridgeState", {"": "Header header, string state", **_HEADER}),
+    "rehearsal": ("tensegrity_interfaces/msg/Rehearsal", "Header header, string source_face, RehearsedGait[] gaits"),
+    "bridge/state": ("tensegrity_interfaces/msg/BridgeState", "Header header, string state"),
 }
-"""Topic -> type, and per part of its definition (empty: the type itself) the fields that are read."""
+"""Topic -> type and its fields that are read."""
+
+_PARTS = {
+    "Header": ("std_msgs/Header", "Time stamp"),
+    "Time": ("builtin_interfaces/Time", "int32 sec, uint32 nanosec"),
+    "JointTrajectoryPoint": ("trajectory_msgs/JointTrajectoryPoint", "float64[] positions"),
+    "Pose": ("geometry_msgs/Pose", "Point position"),
+    "Point": ("geometry_msgs/Point", "float64 x, float64 y, float64 z"),
+    "RehearsedGait": (
+        "tensegrity_interfaces/RehearsedGait",
+        "string target_face, string primitive, uint32 members, float64 odds, string[] faces",
+    ),
+}
+"""What these fields are made of: type, and its fields that are read."""
 
 MOST_DEFINITION = 200_000
-_FIELD = re.compile(r"^([A-Za-z][A-Za-z0-9_/]*)(<=\d+)?(\[[^\]]*\])?[ \t]+([a-z][a-z0-9_]*)[ \t]*(?:[^=\s].*)?$")
 _EMPTY_ARRAY = re.compile(r"\[\s*0+\s*\]")
 
 
@@ -87,16 +69,20 @@ def misfit_of(topic: str, type_name: str, definition: str, encoding: str) -> str
     ours = next((TOPICS[name] for name in TOPICS if topic == name or topic.endswith("/" + name)), None)
     if ours is None:
         return None
-    wanted_type, parts = ours
+    wanted_type, wanted = ours
     if encoding != "cdr":
         return f"is in {encoding[:30]}, valid is cdr with a ros2msg definition"
     if type_name != wanted_type:
         return f"is of type {type_name[:60]}, valid is {wanted_type}"
     found = _fields_of(definition)
-    for part, fields in parts.items():
-        missing = set(fields.split(", ")) - found.get(part, set())
+    asked = [("", wanted)]
+    for part, fields in asked:  # it grows meanwhile
+        names = fields.split(", ")
+        missing = set(names) - found.get(part, set())
         if missing:
             return f"has no field {min(missing)}{f' in {part}' if part else ''}"
+        kinds = [name.split()[0].removesuffix("[]") for name in names]
+        asked += [_PARTS[kind] for kind in kinds if kind in _PARTS]
     return None
 
 
@@ -111,8 +97,8 @@ def _fields_of(definition: str) -> dict[str, set[str]]:
         if text.startswith("MSG:"):
             part = text.removeprefix("MSG:").strip()
             continue
-        match = _FIELD.match(text)
+        match = FIELD.match(text)
         if match is not None:
-            kind = match[1].rsplit("/", 1)[-1] + (match[3] or "")
-            found.setdefault(part, set()).add(f"{kind} {match[4]}")
+            kind = match[1].rsplit("/", 1)[-1] + (match[2] or "")
+            found.setdefault(part, set()).add(f"{kind} {match[3]}")
     return found

@@ -17,45 +17,44 @@ import os
 import re
 import struct
 import zlib
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass, field
 from io import BytesIO
 from pathlib import Path
-from typing import BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 from mcap.data_stream import ReadDataStream, RecordBuilder
 from mcap.exceptions import McapError
+from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
 from mcap.writer import CompressionType, Writer
 
 from hardware_bridge.errors import RecorderError
+from hardware_bridge.recording.bag_reader import FRAME, MAGIC, MESSAGE_HEAD
 
 PROFILE = "ros2"
 LIBRARY = "sixstrut"
-MAGIC = b"\x89MCAP0\r\n"
 RECOVERY = "recovery"
 """Metadata of a log that was made of what a killed session left."""
 DAMAGED = ".damaged"
 
-_FRAME = struct.Struct("<BQ")
 _CHECK = struct.Struct("<16sII")
 _CHECK_OPCODE = 0x80
 """The first that MCAP leaves to applications; its readers skip what they do not know."""
 _MARK = b"sixstrut\xf1\x9d\x00\xe6\x7b\x8a\xff\x15"
-_SIGNATURE = _FRAME.pack(_CHECK_OPCODE, _CHECK.size) + _MARK
-_CHECK_SIZE = _FRAME.size + _CHECK.size
-_HEADER, _SCHEMA, _CHANNEL, _MESSAGE, _ATTACHMENT, _METADATA, _DATA_END = 1, 3, 4, 5, 9, 12, 15
-_KNOWN: dict[int, Callable[[ReadDataStream, int], McapRecord]] = {
-    _SCHEMA: lambda stream, length: Schema.read(stream),
-    _CHANNEL: lambda stream, length: Channel.read(stream),
-    _MESSAGE: Message.read,
-    _ATTACHMENT: lambda stream, length: Attachment.read(stream),
-    _METADATA: lambda stream, length: Metadata.read(stream),
+_SIGNATURE = FRAME.pack(_CHECK_OPCODE, _CHECK.size) + _MARK
+_CHECK_SIZE = FRAME.size + _CHECK.size
+_KNOWN: dict[int, Any] = {
+    Opcode.SCHEMA: Schema,
+    Opcode.CHANNEL: Channel,
+    Opcode.MESSAGE: Message,
+    Opcode.ATTACHMENT: Attachment,
+    Opcode.METADATA: Metadata,
 }
 _DAY_NS = 86_400_000_000_000
-_MESSAGE_HEAD = struct.Struct("<HIQQ")
 
 
 class Checked:
@@ -90,49 +89,63 @@ class Checked:
         """Ends what was written since the last time."""
         if self._length:
             body = _CHECK.pack(_MARK, self._length, self._crc)
-            self._stream.write(_FRAME.pack(_CHECK_OPCODE, len(body)) + body)
+            self._stream.write(FRAME.pack(_CHECK_OPCODE, len(body)) + body)
         self._length = self._crc = 0
 
 
-@dataclass(frozen=True)
-class Recording:
-    """A finished log.
+@dataclass(kw_only=True)
+class Found:
+    """What a journal turned out to be.
+
+    Attributes:
+        complete: it has its proper end; else the session was killed and the log holds what was acknowledged.
+        checked: it has checksums.
+        unread_bytes, unread_places: what could not be read; a tail that was cut does not count.
+        missing: messages that are missing there, by their numbers.
+    """
+
+    complete: bool = False
+    checked: bool = False
+    unread_bytes: int = 0
+    unread_places: int = 0
+    missing: int = 0
+
+    def skip(self, size: int) -> None:
+        """Some bytes could not be read."""
+        self.unread_bytes += size
+        self.unread_places += 1
+
+
+@dataclass(kw_only=True)
+class Recording(Found):
+    """A finished log, made of a journal.
 
     Attributes:
         path: the file.
-        messages: how many it has.
         counts: messages of each topic.
-        complete: the journal had its proper end; else the session was killed and the log holds what was acknowledged.
-        unread_bytes: of the journal, that could not be read; a cut tail is not counted.
-        unread_places: how many places that were.
-        missing: messages that are missing there, by their numbers.
         kept: where the journal is kept, if something was unread.
     """
 
     path: Path
-    messages: int
-    counts: dict[str, int]
-    complete: bool
-    unread_bytes: int = 0
-    unread_places: int = 0
-    missing: int = 0
-    kept: Path | None = None
+    counts: Counter[str]
+    kept: Path | None
+
+    @property
+    def messages(self) -> int:
+        """How many it has."""
+        return self.counts.total()
 
 
 @dataclass
 class _Tally:
     """What went through: enough to compare two files by."""
 
-    counts: dict[str, int]
-    others: int
-    digest: hashlib._Hash
-
-    @classmethod
-    def empty(cls) -> _Tally:
-        return cls({}, 0, hashlib.sha256())
+    counts: Counter[str] = field(default_factory=Counter)
+    others: int = 0
+    digest: hashlib._Hash = field(default_factory=hashlib.sha256)
 
     def add_message(self, topic: str, message: Message) -> None:
-        self.counts[topic] = self.counts.get(topic, 0) + 1
+        self.counts[topic] += 1
         head = struct.pack("<IQQ", message.sequence, message.log_time, message.publish_time)
         self.digest.update(topic.encode() + head + message.data)
 
@@ -151,10 +164,10 @@ def finish_journal(journal: Path, path: Path) -> Recording:
     try:
         source, found = _rewrite(journal, temporary)
         copy = _tally(temporary)
-        if copy.value != source.value or _indexed_messages(temporary) != sum(source.counts.values()):
+        if copy.value != source.value or _indexed_messages(temporary) != source.counts.total():
             raise RecorderError(str(path), f"does not read back as written; the journal {journal} is kept")
         temporary.replace(path)
-        kept = _keep(journal) if found.places else None
+        kept = _keep(journal) if found.unread_places else None
         if kept is None:
             journal.unlink()
         _sync_directory(path.parent)
@@ -163,8 +176,7 @@ def finish_journal(journal: Path, path: Path) -> Recording:
         raise RecorderError(str(path), problem) from error
     finally:
         temporary.unlink(missing_ok=True)
-    messages = sum(source.counts.values())
-    return Recording(path, messages, source.counts, found.ended, found.unread, found.places, found.missing, kept)
+    return Recording(path=path, counts=source.counts, kept=kept, **vars(found))
 
 
 def _keep(journal: Path) -> Path:
@@ -175,8 +187,8 @@ def _keep(journal: Path) -> Path:
     return kept
 
 
-def _rewrite(journal: Path, target: Path) -> tuple[_Tally, _Found]:
-    tally, found = _Tally.empty(), _Found()
+def _rewrite(journal: Path, target: Path) -> tuple[_Tally, Found]:
+    tally, found = _Tally(), Found()
     declared = _declared(journal)
     channels: dict[int, tuple[int, str]] = {}
     newest: dict[int, int] = {}
@@ -206,13 +218,14 @@ def _rewrite(journal: Path, target: Path) -> tuple[_Tally, _Found]:
                     tally.others += 1
                 case _:  # of a channel or type that it does not declare, or whose declaration was damaged
                     found.skip(size)
-        if found.places:
-            facts: dict[str, object] = {
-                "unread_bytes": found.unread,
-                "unread_places": found.places,
+        if found.unread_places:
+            facts = {
+                "unread_bytes": found.unread_bytes,
+                "unread_places": found.unread_places,
                 "missing_messages": found.missing,
+                "checked": str(found.checked).lower(),
+                "journal": journal.name + DAMAGED,
             }
-            facts |= {"missing_messages": found.missing, "checked": str(found.checked).lower(), "journal": journal.name + DAMAGED}
             writer.add_metadata(RECOVERY, {name: str(value) for name, value in facts.items()})
             tally.others += 1
         writer.finish()
@@ -225,7 +238,7 @@ def _declared(journal: Path) -> dict[int, tuple[Channel, Schema | None]]:
     """Every channel with its schema, wherever in the journal it is declared: the recorder does so again and again."""
     schemas: dict[int, Schema | None] = {0: None}
     channels: dict[int, Channel] = {}
-    for record, _ in _records(journal, _Found(), (_SCHEMA, _CHANNEL)):
+    for record, _ in _records(journal, Found(), (Opcode.SCHEMA, Opcode.CHANNEL)):
         if isinstance(record, Schema):
             schemas.setdefault(record.id, record)
         elif isinstance(record, Channel):
@@ -233,57 +246,25 @@ def _declared(journal: Path) -> dict[int, tuple[Channel, Schema | None]]:
     return {number: (channel, schemas[channel.schema_id]) for number, channel in channels.items() if channel.schema_id in schemas}
 
 
-@dataclass
-class _Found:
-    """What a journal turned out to be.
-
-    Attributes:
-        ended: it has its proper end.
-        checked: it has checksums.
-        unread, places: bytes that could not be read, in how many places; a tail that was cut does not count.
-        missing: messages whose numbers were left out.
-    """
-
-    ended: bool = False
-    checked: bool = False
-    unread: int = 0
-    places: int = 0
-    missing: int = 0
-
-    def skip(self, size: int) -> None:
-        """Some bytes could not be read."""
-        self.unread += size
-        self.places += 1
-
-
-def _records(path: Path, found: _Found, kinds: Collection[int] = tuple(_KNOWN)) -> Iterator[tuple[McapRecord | None, int]]:
+def _records(path: Path, found: Found, kinds: Collection[int] = tuple(_KNOWN)) -> Iterator[tuple[McapRecord | None, int]]:
     """Every record of these kinds, with its size; None for one that makes no sense. `found` says what could not be read."""
     with path.open("rb") as stream:
-        head = stream.read(len(MAGIC) + _FRAME.size)
-        whole = len(head) == len(MAGIC) + _FRAME.size and head.startswith(MAGIC + bytes([_HEADER]))
-        if not whole and not _marks(path):
+        if os.fstat(stream.fileno()).st_size == 0:
             raise RecorderError(str(path), "is no MCAP file")
         with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            found.checked = data.find(_SIGNATURE) >= 0
+            found.checked = data.find(_SIGNATURE) >= 0  # else its first bytes must be well
+            if not found.checked and not (len(data) >= len(MAGIC) + FRAME.size and data[:9] == MAGIC + bytes([Opcode.HEADER])):
+                raise RecorderError(str(path), "is no MCAP file")
             for start, end in (_checked_spans if found.checked else _unchecked_spans)(data, found):
                 yield from _parsed(data, start, end, kinds)
 
 
-def _marks(path: Path) -> bool:
-    """Whether there is a check somewhere: a journal whose first bytes are damaged."""
-    with path.open("rb") as stream:
-        if os.fstat(stream.fileno()).st_size == 0:
-            return False
-        with mmap.mmap(stream.fileno(), 0, access=mmap.ACCESS_READ) as data:
-            return data.find(_SIGNATURE) >= 0
-
-
-def _checked_spans(data: mmap.mmap, found: _Found) -> Iterator[tuple[int, int]]:
+def _checked_spans(data: mmap.mmap, found: Found) -> Iterator[tuple[int, int]]:
     """Spans of whole records whose checksums fit. After the last check, what was not acknowledged any more: a tail."""
     done = 0
     at = data.find(_SIGNATURE)
     while at >= 0 and at + _CHECK_SIZE <= len(data):
-        _, length, crc = _CHECK.unpack_from(data, at + _FRAME.size)
+        _, length, crc = _CHECK.unpack_from(data, at + FRAME.size)
         start = at - length
         if start >= done and _crc(data, start, at) == crc:
             if start > done:
@@ -299,13 +280,13 @@ def _crc(data: mmap.mmap, start: int, end: int) -> int:
         return zlib.crc32(span)
 
 
-def _unchecked_spans(data: mmap.mmap, found: _Found, at: int = len(MAGIC)) -> Iterator[tuple[int, int]]:
+def _unchecked_spans(data: mmap.mmap, found: Found, at: int = len(MAGIC)) -> Iterator[tuple[int, int]]:
     """Spans of records as they follow each other, each believed only if what follows can be one; else the next is sought."""
     looks = _Looks(data)
     while at < len(data):
         end = looks.end(at)
-        if end is not None and data[at] == _DATA_END:
-            found.ended = True
+        if end is not None and data[at] == Opcode.DATA_END:
+            found.complete = True
             return
         if end is not None and looks.followed(at, end):
             looks.learn(at)
@@ -332,101 +313,101 @@ class _Looks:
 
     def end(self, at: int) -> int | None:
         """Where the record that begins here ends; None: none that is whole begins here."""
-        head = self._head(at)
-        return None if head is None or head.end > len(self.data) else head.end
+        end = self._said_end(at)
+        return None if end is None or end > len(self.data) else end
 
     def cut(self, at: int) -> bool:
         """Whether a record begins here whose end is not there any more, or part of its first bytes."""
         left = len(self.data) - at
-        if left < _FRAME.size + _MESSAGE_HEAD.size:
-            return left == 0 or self.data[at] in (*_KNOWN, _DATA_END, _CHECK_OPCODE)
-        head = self._head(at)
-        return head is not None and head.end > len(self.data)
+        if left < FRAME.size + MESSAGE_HEAD.size:
+            return left == 0 or self.data[at] in (*_KNOWN, Opcode.DATA_END, _CHECK_OPCODE)
+        end = self._said_end(at)
+        return end is not None and end > len(self.data)
 
-    def _head(self, at: int) -> _Head | None:
-        if at + _FRAME.size > len(self.data):
+    def _said_end(self, at: int) -> int | None:
+        """Where the record that begins here ends by its own word; None: it looks like none."""
+        body = at + FRAME.size
+        if body > len(self.data):
             return None
-        opcode, length = _FRAME.unpack_from(self.data, at)
-        end = at + _FRAME.size + length
+        opcode, length = FRAME.unpack_from(self.data, at)
+        likely = length < 1 << 32
         if opcode == _CHECK_OPCODE:
-            mark = self.data[at + _FRAME.size : at + _FRAME.size + len(_MARK)]
-            return _Head(end) if length == _CHECK.size and _MARK.startswith(mark) else None
-        if opcode == _MESSAGE:
-            if length < _MESSAGE_HEAD.size or at + _FRAME.size + _MESSAGE_HEAD.size > len(self.data):
-                return None
-            channel, _, log_time, _ = _MESSAGE_HEAD.unpack_from(self.data, at + _FRAME.size)
+            likely = length == _CHECK.size and _MARK.startswith(self.data[body : body + len(_MARK)])
+        elif opcode != Opcode.MESSAGE:
+            likely &= opcode in (Opcode.HEADER, Opcode.DATA_END, *_KNOWN)
+        elif length < MESSAGE_HEAD.size or body + MESSAGE_HEAD.size > len(self.data):
+            return None
+        else:
+            channel, _, log_time, _ = MESSAGE_HEAD.unpack_from(self.data, body)
             if self.log_time is None:
-                likely = channel in self.channels or not self.channels
+                likely &= channel in self.channels or not self.channels
             else:
-                likely = abs(log_time - self.log_time) < _DAY_NS
-            return _Head(end) if likely and length < 1 << 32 else None
-        return _Head(end) if opcode in (_HEADER, _DATA_END, *_KNOWN) and length < 1 << 32 else None
+                likely &= abs(log_time - self.log_time) < _DAY_NS
+        return body + length if likely else None
 
     def followed(self, at: int, end: int) -> bool:
         """Whether what comes after a record can be one, or the end, a cut one, or a hole."""
         known = set(self.channels)
-        if self.data[at] == _CHANNEL:  # what follows may be of that channel
+        if self.data[at] == Opcode.CHANNEL:  # what follows may be of that channel
             self.channels.add(self._channel(at))
-        after, before = self.data[end : end + _FRAME.size], self.data[max(at, end - _FRAME.size) : end]
+        after, before = self.data[end : end + FRAME.size], self.data[max(at, end - FRAME.size) : end]
         hole = not any(after) and (any(before) or not after)  # as a power cut leaves it, not within the record; or the end
         follows = hole or self.end(end) is not None or self.cut(end)
         self.channels = known
         return follows
 
     def _channel(self, at: int) -> int:
-        return int(struct.unpack_from("<H", self.data, at + _FRAME.size)[0]) if at + _FRAME.size + 2 <= len(self.data) else -1
+        return int(struct.unpack_from("<H", self.data, at + FRAME.size)[0]) if at + FRAME.size + 2 <= len(self.data) else -1
 
     def learn(self, at: int) -> None:
         """A record that is believed."""
-        opcode, _ = _FRAME.unpack_from(self.data, at)
-        if opcode == _CHANNEL:
+        opcode, _ = FRAME.unpack_from(self.data, at)
+        if opcode == Opcode.CHANNEL:
             self.channels.add(self._channel(at))
             self._pattern = None
-        elif opcode == _MESSAGE:
-            self.log_time = _MESSAGE_HEAD.unpack_from(self.data, at + _FRAME.size)[2]
+        elif opcode == Opcode.MESSAGE:
+            self.log_time = MESSAGE_HEAD.unpack_from(self.data, at + FRAME.size)[2]
 
     def next(self, at: int) -> int | None:
         """Where the next record begins that can be one and is followed by another, by the end, or by a cut one."""
         if self._pattern is None:  # a known kind, a length below 4 GB, for a message a known channel
             numbers = b"|".join(re.escape(struct.pack("<H", channel)) for channel in sorted(self.channels) if channel >= 0) or b".."
-            kinds = b"[" + re.escape(bytes([_SCHEMA, _CHANNEL, _ATTACHMENT, _METADATA, _DATA_END])) + b"]"
+            kinds = (
+                b"[" + re.escape(bytes([Opcode.SCHEMA, Opcode.CHANNEL, Opcode.ATTACHMENT, Opcode.METADATA, Opcode.DATA_END])) + b"]"
+            )
             self._pattern = re.compile(b"\\x05.{4}\\x00{4}(?:" + numbers + b")|" + kinds + b".{4}\\x00{4}", re.DOTALL)
         while (match := self._pattern.search(self.data, at)) is not None:
             start = match.start()
             end = self.end(start)
-            if end is not None and end > start + _FRAME.size and self.followed(start, end):
+            if end is not None and end > start + FRAME.size and self.followed(start, end):
                 return start
             at = start + 1
         return None
 
 
-class _Head(NamedTuple):
-    end: int
-
-
 def _parsed(data: mmap.mmap, start: int, end: int, kinds: Collection[int]) -> Iterator[tuple[McapRecord | None, int]]:
     """The records of a span; one that makes no sense is None."""
-    while start + _FRAME.size <= end:
-        opcode, length = _FRAME.unpack_from(data, start)
-        start += _FRAME.size
+    while start + FRAME.size <= end:
+        opcode, length = FRAME.unpack_from(data, start)
+        start += FRAME.size
         if length > end - start:
-            yield None, end - start + _FRAME.size
+            yield None, end - start + FRAME.size
             return
-        read = _KNOWN.get(opcode)
-        if opcode in kinds and read is not None:
+        if opcode in kinds:
+            fields = ReadDataStream(BytesIO(data[start : start + length]))
             try:
-                record = read(ReadDataStream(BytesIO(data[start : start + length])), length)
+                record = Message.read(fields, length) if opcode == Opcode.MESSAGE else _KNOWN[opcode].read(fields)
             except (McapError, struct.error, ValueError, EOFError):
                 record = None
-            yield record, length + _FRAME.size
-        elif opcode not in (_HEADER, _CHECK_OPCODE, *_KNOWN):
-            yield None, length + _FRAME.size
+            yield record, length + FRAME.size
+        elif opcode not in (Opcode.HEADER, _CHECK_OPCODE, *_KNOWN):
+            yield None, length + FRAME.size
         start += length
 
 
 def _tally(path: Path) -> _Tally:
     """Of a log that was just written. Raises RecorderError: it does not read back."""
-    tally = _Tally.empty()
+    tally = _Tally()
     topics: dict[int, str] = {}
     try:
         with path.open("rb") as stream:

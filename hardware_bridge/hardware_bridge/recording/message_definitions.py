@@ -11,6 +11,7 @@ import json
 import os
 import re
 from collections.abc import Iterable
+from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 
@@ -18,7 +19,8 @@ from hardware_bridge.errors import SchemaError
 
 _SEPARATOR = "=" * 80
 _HALVES = re.compile(r"^---[ \t]*$\n?", re.MULTILINE)
-_FIELD = re.compile(r"^([A-Za-z][A-Za-z0-9_]*(?:/[A-Za-z][A-Za-z0-9_]*){0,2})(?:<=\d+)?(?:\[[^\]]*\])?\s+[A-Za-z]")
+FIELD = re.compile(r"^([A-Za-z][A-Za-z0-9_/]*)(?:<=\d+)?(\[[^\]]*\])?[ \t]+([a-z][a-z0-9_]*)[ \t]*(?:[^=\s].*)?$")
+"""A field in a line of a definition: type, array and name. A constant is none."""
 _INTEGERS = {f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)}
 _PRIMITIVES = _INTEGERS | {"bool", "byte", "char", "float32", "float64", "string", "wstring"}
 
@@ -30,11 +32,7 @@ def share_directories() -> tuple[Path, ...]:
 
 
 class ShareSchemas:
-    """Looks types up in `share` folders, the first that has them winning. Its methods fit `Recorder`.
-
-    Args:
-        directories: by default `share_directories`.
-    """
+    """Looks types up in folders (None: `share_directories`), the first that has them winning. Its methods fit `Recorder`."""
 
     def __init__(self, directories: Iterable[Path] | None = None) -> None:
         self._directories = tuple(share_directories() if directories is None else directories)
@@ -74,24 +72,18 @@ class ShareSchemas:
 
     def type_hash(self, type_name: str) -> str:
         """The type's RIHS01 hash, or an empty string where the installation does not say."""
-        package, name = _short(type_name).split("/")
-        for directory in self._directories:
-            try:
-                data = json.loads((directory / package / "msg" / f"{name}.json").read_text(encoding="utf-8"))
-                for entry in data["type_hashes"]:
-                    if entry["type_name"] == f"{package}/msg/{name}":
-                        return str(entry["hash_string"])
-            except (OSError, ValueError, KeyError, TypeError):
-                continue
-        return ""
+        short = _short(type_name)
+        try:
+            entries = json.loads(self._read(short, suffix="json"))["type_hashes"]
+            return next(str(entry["hash_string"]) for entry in entries if entry["type_name"] == type_name)
+        except (SchemaError, StopIteration, ValueError, KeyError, TypeError):
+            return ""
 
-    def _read(self, short_name: str, kind: str = "msg") -> str:
+    def _read(self, short_name: str, kind: str = "msg", suffix: str = "") -> str:
         package, name = short_name.split("/")
         for directory in self._directories:
-            try:
-                return (directory / package / kind / f"{name}.{kind}").read_text(encoding="utf-8")
-            except OSError:
-                continue
+            with suppress(OSError):
+                return (directory / package / kind / f"{name}.{suffix or kind}").read_text(encoding="utf-8")
         raise SchemaError(f"{package}/{kind}/{name}", [str(directory) for directory in self._directories])
 
 
@@ -100,7 +92,7 @@ def dependencies(text: str, short_name: str) -> list[str]:
     package = short_name.split("/", maxsplit=1)[0]
     found = []
     for line in text.splitlines():
-        match = _FIELD.match(line.split("#")[0].strip())
+        match = FIELD.match(line.split("#")[0].strip())
         if match is None or match[1] in _PRIMITIVES:
             continue
         parts = match[1].split("/")

@@ -12,10 +12,10 @@ import os
 import queue
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 from mcap.records import Channel, Schema
 from mcap.writer import IndexType, Writer
@@ -36,52 +36,22 @@ def recorded_topic(topic: str) -> str:
     return PREFIX + topic.strip("/")
 
 
-def offered_qos(depth: int = 10, transient_local: bool = False) -> str:
+def _offered_qos(transient_local: bool) -> str:
     """A reliable publisher's quality of service as rosbag2 of Jazzy writes it, in YAML."""
     durability = "transient_local" if transient_local else "volatile"
     return (
-        f"- history: keep_last\n  depth: {depth}\n  reliability: reliable\n  durability: {durability}\n"
+        f"- history: keep_last\n  depth: 10\n  reliability: reliable\n  durability: {durability}\n"
         f"  deadline: {_FOREVER}\n  lifespan: {_FOREVER}\n  liveliness: automatic\n"
         f"  liveliness_lease_duration: {_FOREVER}\n  avoid_ros_namespace_conventions: false\n"
     )
 
 
-@dataclass(frozen=True)
-class _Channel:
-    topic: str
-    type_name: str
-    schema_text: str
-    metadata: Mapping[str, str]
+class _Item(NamedTuple):
+    """What waits for the disk: how it is written, whether it is a message, and who is told when it was its turn."""
 
-
-@dataclass(frozen=True)
-class _Message:
-    topic: str
-    log_time_ns: int
-    publish_time_ns: int
-    data: bytes
-
-
-@dataclass(frozen=True)
-class _Metadata:
-    name: str
-    data: Mapping[str, str]
-
-
-@dataclass(frozen=True)
-class _Attachment:
-    name: str
-    media_type: str
-    data: bytes
-    time_ns: int
-
-
-@dataclass(frozen=True)
-class _Sync:
-    done: threading.Event
-
-
-_Item = _Channel | _Message | _Metadata | _Attachment | _Sync
+    write: Callable[[], None]
+    is_message: bool = False
+    done: threading.Event | None = None
 
 
 class Recorder:
@@ -100,6 +70,10 @@ class Recorder:
     Attributes:
         path: the log.
         journal: the growing file.
+        fault: what went wrong first; empty if nothing did.
+        messages_written: messages handed to the operating system: these survive the death of the process.
+        messages_lost: messages that a fault kept out of the log.
+        most_waiting: largest number of entries that ever waited.
 
     Raises:
         RecorderError: the file exists already, or the folder cannot be written.
@@ -110,9 +84,9 @@ class Recorder:
         path: str | Path,
         schema_text: Callable[[str], str],
         *,
-        type_hash: Callable[[str], str] | None = None,
+        type_hash: Callable[[str], str] = lambda type_name: "",
         queue_size: int = 20_000,
-        on_fault: Callable[[str], None] | None = None,
+        on_fault: Callable[[str], None] = lambda problem: None,
     ) -> None:
         self.path = Path(path)
         self.journal = self.path.with_name(self.path.name + ".journal")
@@ -122,11 +96,11 @@ class Recorder:
         self._queue: queue.Queue[_Item | None] = queue.Queue(queue_size)
         self._lock = threading.RLock()
         self._types: dict[str, str] = {}
-        self._fault = ""
+        self._channels: dict[str, int] = {}  # this and the next two are the writing thread's
+        self._sequences: Counter[str] = Counter()
         self._declared: list[Schema | Channel] = []
-        self._written = 0
-        self._lost = 0
-        self._most_waiting = 0
+        self.fault = ""
+        self.messages_written = self.messages_lost = self.most_waiting = 0
         self._recording: Recording | None = None
         self._closed = False
         if self.path.exists():
@@ -146,37 +120,15 @@ class Recorder:
         self._thread = threading.Thread(target=self._run, name="recorder", daemon=True)
         self._thread.start()
 
-    # ---- state ------------------------------------------------------------------------------------------------------
-
-    @property
-    def fault(self) -> str:
-        """What went wrong first; empty if nothing did."""
-        return self._fault
-
-    @property
-    def messages_written(self) -> int:
-        """Messages handed to the operating system: these survive the death of the process."""
-        return self._written
-
-    @property
-    def messages_lost(self) -> int:
-        """Messages that a fault kept out of the log."""
-        return self._lost
-
     @property
     def waiting(self) -> int:
         """Entries that wait for the disk now; `queue_size` of them is a fault."""
         return self._queue.qsize()
 
-    @property
-    def most_waiting(self) -> int:
-        """Largest number of entries that ever waited."""
-        return self._most_waiting
-
     # ---- writing ----------------------------------------------------------------------------------------------------
 
-    def add_topic(self, topic: str, type_name: str, depth: int = 10, transient_local: bool = False) -> None:
-        """Declares a topic with its publisher's quality of service; without it, the first `write` does, by default.
+    def add_topic(self, topic: str, type_name: str, transient_local: bool = False) -> None:
+        """Declares a topic with its publisher's durability; without it, the first `write` does, as volatile.
 
         Raises:
             RecorderError: the topic has another type already, or a fault is latched.
@@ -188,14 +140,14 @@ class Recorder:
                 return
             if known is not None:
                 raise RecorderError(str(self.path), f"topic {topic} is {known}, it cannot also be {type_name}")
-            metadata = {"offered_qos_profiles": offered_qos(depth, transient_local)}
-            type_hash = "" if self._type_hash is None else self._type_hash(type_name)
-            if type_hash:
+            metadata = {"offered_qos_profiles": _offered_qos(transient_local)}
+            if type_hash := self._type_hash(type_name):
                 metadata["topic_type_hash"] = type_hash
-            self._put(_Channel(recorded_topic(topic), type_name, self._schema_text(type_name), metadata))
+            text = self._schema_text(type_name).encode()
+            self._put(_Item(lambda: self._declare(recorded_topic(topic), type_name, text, metadata)))
             self._types[topic] = type_name
 
-    def write(self, topic: str, type_name: str, data: bytes, log_time_ns: int, publish_time_ns: int | None = None) -> None:
+    def write(self, topic: str, type_name: str, data: bytes, log_time_ns: int) -> None:
         """Queues one serialised message; returns at once.
 
         Args:
@@ -203,33 +155,33 @@ class Recorder:
             type_name: `package/msg/Name`.
             data: CDR, as `serialize_message` gives it.
             log_time_ns: ROS time of receipt or sending, in [ns].
-            publish_time_ns: ROS time of publication, in [ns]; by default the same.
 
         Raises:
-            RecorderError: A fault is latched, the queue is full, or the log is closed: the message is counted as lost.
+            RecorderError: a fault is latched, the queue is full, or the log is closed: the message is counted as lost.
             SchemaError: the type is not installed.
         """
         if self._types.get(topic) != type_name:
             self.add_topic(topic, type_name)
-        publish_ns = log_time_ns if publish_time_ns is None else publish_time_ns
-        self._put(_Message(recorded_topic(topic), log_time_ns, publish_ns, data))
+        self._put(_Item(lambda: self._write_message(recorded_topic(topic), data, log_time_ns), is_message=True))
 
     def add_metadata(self, name: str, data: Mapping[str, str]) -> None:
         """Queues named strings: versions, hashes, parameters. Raises `RecorderError` as `write`."""
-        self._put(_Metadata(name, dict(data)))
+        kept = dict(data)
+        self._put(_Item(lambda: self._writer.add_metadata(name, kept)))
 
-    def add_attachment(self, name: str, data: bytes, media_type: str = "text/plain") -> None:
+    def add_attachment(self, name: str, data: bytes) -> None:
         """Queues a whole file: configuration, calibration, library. Raises `RecorderError` as `write`."""
-        self._put(_Attachment(name, media_type, data, time.time_ns()))
+        now_ns = time.time_ns()
+        self._put(_Item(lambda: self._writer.add_attachment(now_ns, now_ns, name, "text/plain", data)))
 
     def sync(self, timeout_s: float = 10.0) -> None:
         """Waits until all that was queued before is on the disk itself, not only with the operating system.
 
         Raises:
-            RecorderError: A fault is latched, or it takes longer.
+            RecorderError: a fault is latched, or it takes longer.
         """
         done = threading.Event()
-        self._put(_Sync(done))
+        self._put(_Item(self._sync, done=done))
         if not done.wait(timeout_s):
             raise RecorderError(str(self.path), f"the disk did not take it in {timeout_s:g} s; check disk and load")
         self._raise_fault()
@@ -259,7 +211,7 @@ class Recorder:
                     raise RecorderError(str(self.path), "is closed")
                 try:
                     self._queue.put_nowait(item)
-                    self._most_waiting = max(self._most_waiting, self._queue.qsize())
+                    self.most_waiting = max(self.most_waiting, self._queue.qsize())
                 except queue.Full:
                     self._fail(f"more than {self._queue.maxsize} messages wait for the disk; check disk and load")
                     self._raise_fault()
@@ -269,75 +221,68 @@ class Recorder:
 
     def _count_lost(self, item: _Item) -> None:
         with self._lock:
-            self._lost += isinstance(item, _Message)
+            self.messages_lost += item.is_message
 
     def _raise_fault(self) -> None:
-        if self._fault:
-            raise RecorderError(str(self.path), self._fault)
+        if self.fault:
+            raise RecorderError(str(self.path), self.fault)
 
     def _fail(self, problem: str) -> None:
-        if self._fault:
+        if self.fault:
             return
-        self._fault = problem
-        if self._on_fault is not None:
-            try:
-                self._on_fault(problem)
-            except Exception:
-                _log.exception("callback of the recorder")
+        self.fault = problem
+        try:
+            self._on_fault(problem)
+        except Exception:
+            _log.exception("callback of the recorder")
 
     # ---- the writing thread -----------------------------------------------------------------------------------------
 
     def _run(self) -> None:
-        channels: dict[str, int] = {}
-        sequences: dict[str, int] = {}
         broken = False
         while (item := self._queue.get()) is not None:
             try:
                 if not broken:
-                    self._write_item(item, channels, sequences)
-                    continue
+                    self._write_item(item)
             except Exception as error:
                 broken = True
                 reason = getattr(error, "strerror", None) or str(error)
                 self._fail(f"writing failed ({reason}); free space or check the disk")
-            self._count_lost(item)
-            if isinstance(item, _Sync):
+            if broken:
+                self._count_lost(item)
+            if item.done is not None:
                 item.done.set()
         try:
             if not broken:
                 self._writer.finish()
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
+            self._sync()
         except Exception as error:
             self._fail(f"finishing the journal failed ({error})")
         finally:
             with contextlib.suppress(OSError):  # told above already
                 self._stream.close()
 
-    def _write_item(self, item: _Item, channels: dict[str, int], sequences: dict[str, int]) -> None:
-        writer = self._writer
-        match item:
-            case _Message():
-                sequence = sequences[item.topic] = sequences.get(item.topic, 0) + 1
-                writer.add_message(channels[item.topic], item.log_time_ns, item.data, item.publish_time_ns, sequence)
-            case _Channel():
-                text = item.schema_text.encode()
-                schema = writer.register_schema(item.type_name, "ros2msg", text)
-                number = channels[item.topic] = writer.register_channel(item.topic, "cdr", schema, dict(item.metadata))
-                self._declared.append(Schema(id=schema, name=item.type_name, encoding="ros2msg", data=text))
-                self._declared.append(Channel(number, item.topic, "cdr", dict(item.metadata), schema))
-            case _Metadata():
-                writer.add_metadata(item.name, dict(item.data))
-            case _Attachment():
-                writer.add_attachment(item.time_ns, item.time_ns, item.name, item.media_type, item.data)
-            case _Sync():
-                self._stream.flush()
-                os.fsync(self._stream.fileno())
-                item.done.set()
+    def _write_item(self, item: _Item) -> None:
+        item.write()
         self._checked.seal()
         self._stream.flush()
-        if isinstance(item, _Message):
-            self._written += 1
-            if self._written == DECLARED_FIRST or self._written % DECLARED_EVERY == 0:  # damage at one place takes no topic away
+        if item.is_message:
+            self.messages_written += 1
+            if self.messages_written == DECLARED_FIRST or self.messages_written % DECLARED_EVERY == 0:
+                # again, so that damage at one place takes no topic away
                 self._checked.write_records(self._declared)
                 self._checked.seal()
+
+    def _declare(self, name: str, type_name: str, text: bytes, metadata: dict[str, str]) -> None:
+        schema = self._writer.register_schema(type_name, "ros2msg", text)
+        number = self._channels[name] = self._writer.register_channel(name, "cdr", schema, metadata)
+        self._declared.append(Schema(id=schema, name=type_name, encoding="ros2msg", data=text))
+        self._declared.append(Channel(number, name, "cdr", metadata, schema))
+
+    def _write_message(self, name: str, data: bytes, log_time_ns: int) -> None:
+        self._sequences[name] += 1
+        self._writer.add_message(self._channels[name], log_time_ns, data, log_time_ns, self._sequences[name])
+
+    def _sync(self) -> None:
+        self._stream.flush()
+        os.fsync(self._stream.fileno())

@@ -81,6 +81,7 @@ class SessionLog:
     Attributes:
         path: of the bag; None before `open`.
         began_ns: log time of its first message; 0 before that.
+        fault: why the log is dead; empty if it is well.
     """
 
     def __init__(self, on_fault: Callable[[str], None]):
@@ -92,12 +93,7 @@ class SessionLog:
         self._owner: IO[bytes] | None = None
         self._early: list[tuple[str, str, bytes, int]] = []
         self._lock = threading.Lock()
-        self._failed = ""
-
-    @property
-    def fault(self) -> str:
-        """Why the log is dead; empty if it is well."""
-        return self._failed
+        self.fault = ""
 
     @property
     def messages(self) -> int:
@@ -181,8 +177,8 @@ class SessionLog:
         recorder.sync()
 
     def _fail(self, problem: str) -> None:
-        if not self._failed:
-            self._failed = problem
+        if not self.fault:
+            self.fault = problem
             self._on_fault(problem)
 
     def close(self) -> None:

@@ -10,11 +10,6 @@ MoveTime = Callable[[float, int], float]
 """How long in [s] a board takes for a way in [us] when it is told a duration in [ms]."""
 
 
-def as_told(_way_us: float, duration_ms: int) -> float:
-    """Of a board with timed moves: as long as it was told."""
-    return duration_ms * 1e-3
-
-
 @dataclass(frozen=True)
 class _Ramp:
     start_us: float
@@ -32,9 +27,6 @@ class BoardTrack:
     """One ramp a strut, from where its output was when a frame was handed over.
 
     No board tells where it is. If it does what it is told, it is here, only later by what the line takes.
-
-    Args:
-        move_time: of the board.
     """
 
     def __init__(self, move_time: MoveTime) -> None:

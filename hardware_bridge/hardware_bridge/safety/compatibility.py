@@ -20,7 +20,7 @@ def require_fit(board: Board, rules: Rules, baud: int) -> None:
 
     Raises:
         BoardMismatch: the calibration was measured with another board.
-        CalibrationError: A channel or pulse limit that the board does not have.
+        CalibrationError: a channel or pulse limit that the board does not have.
         ParameterError: at this rate a frame takes longer than its period permits.
     """
     calibration, quirks = rules.calibration, board.quirks

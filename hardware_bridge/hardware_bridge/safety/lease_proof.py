@@ -10,9 +10,6 @@ from __future__ import annotations
 import hashlib
 import hmac
 
-BYTES = 32
-"""Of one proof."""
-
 
 def proof_of(lease: str, counter: int) -> bytes:
     """HMAC-SHA256 of a counter (0 to 2**64 - 1), keyed by the lease."""

@@ -4,24 +4,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
-from typing import ClassVar
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 from hardware_bridge.errors import ParameterError
 
 
+def _number(default: float, low: float, high: float) -> Any:
+    return field(default=default, metadata={"range": (low, high)})
+
+
 @dataclass(frozen=True)
 class _Ranged:
-    """Refuses values outside `RANGES` (low, high) when constructed."""
-
-    RANGES: ClassVar[dict[str, tuple[float, float]]]
+    """Refuses values outside their ranges when constructed."""
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            value, (low, high) = getattr(self, field.name), self.RANGES[field.name]
+        for each in fields(self):
+            value, (low, high) = getattr(self, each.name), each.metadata["range"]
             number = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
             if not number or not low <= value <= high:
-                raise ParameterError(field.name, value, f"{low:g} to {high:g}")
+                raise ParameterError(each.name, value, f"{low:g} to {high:g}")
 
 
 @dataclass(frozen=True)
@@ -42,25 +44,14 @@ class Limits(_Ranged):
             time.
     """
 
-    RANGES: ClassVar[dict[str, tuple[float, float]]] = {
-        "stroke_m": (0.001, 0.100),
-        "speed_m_s": (0.001, 0.100),
-        "step_m": (0.0002, 0.010),
-        "goal_age_s": (0.05, 5.0),
-        "lease_silence_s": (0.2, 10.0),
-        "duty_fraction": (0.01, 1.0),
-        "duty_window_s": (10.0, 3600.0),
-        "supply_low_v": (0.1, 60.0),
-    }
-
-    stroke_m: float = 0.045
-    speed_m_s: float = 0.020
-    step_m: float = 0.002
-    goal_age_s: float = 0.5
-    lease_silence_s: float = 1.0
-    duty_fraction: float = 0.2
-    duty_window_s: float = 600.0
-    supply_low_v: float = 6.4
+    stroke_m: float = _number(0.045, 0.001, 0.100)
+    speed_m_s: float = _number(0.020, 0.001, 0.100)
+    step_m: float = _number(0.002, 0.0002, 0.010)
+    goal_age_s: float = _number(0.5, 0.05, 5.0)
+    lease_silence_s: float = _number(1.0, 0.2, 10.0)
+    duty_fraction: float = _number(0.2, 0.01, 1.0)
+    duty_window_s: float = _number(600.0, 10.0, 3600.0)
+    supply_low_v: float = _number(6.4, 0.1, 60.0)
 
     @property
     def duty_s(self) -> float:
@@ -80,14 +71,7 @@ class Pacing(_Ranged):
         energise_pause_s: rest after each strut is energised, in [s].
     """
 
-    RANGES: ClassVar[dict[str, tuple[float, float]]] = {
-        "period_s": (0.030, 0.5),
-        "overlap": (1.0, 2.0),
-        "homing_speed_m_s": (0.0005, 0.020),
-        "energise_pause_s": (0.0, 5.0),
-    }
-
-    period_s: float = 0.050
-    overlap: float = 1.1
-    homing_speed_m_s: float = 0.008
-    energise_pause_s: float = 0.4
+    period_s: float = _number(0.050, 0.030, 0.5)
+    overlap: float = _number(1.1, 1.0, 2.0)
+    homing_speed_m_s: float = _number(0.008, 0.0005, 0.020)
+    energise_pause_s: float = _number(0.4, 0.0, 5.0)

@@ -15,7 +15,7 @@ ShapeCheck = Callable[[tuple[float, ...]], str | None]
 """Takes six rest lengths [m]; returns what is wrong with the shape, or None."""
 
 MOST_SHAPES = 40000
-"""More than twice what the longest path may have, see `checks.MOST_SHAPES`: it fits beside what was judged before it."""
+"""More than twice what the longest path may have, see `limit_checks.MOST_SHAPES`: it fits beside what was judged before it."""
 
 NOT_JUDGED = f"nobody has judged it, the struts were elsewhere when the command was looked at; {SEND_AGAIN}"
 

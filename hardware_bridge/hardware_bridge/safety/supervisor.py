@@ -26,36 +26,33 @@ from hardware_bridge.errors import (
     FaultLatched,
     LeaseError,
     NotClear,
-    Refused,
     StaleError,
     StateError,
     SupplyError,
 )
-from hardware_bridge.safety.board_position import MoveTime, as_told
+from hardware_bridge.safety.board_position import MoveTime
 from hardware_bridge.safety.duty_cycle import check_duty, returns
 from hardware_bridge.safety.homing import homing_path, known_pulses
 from hardware_bridge.safety.limit_checks import Rules, check_homing, check_trajectory
 from hardware_bridge.safety.supervisor_messages import (
     HOMING_NUMBER,
+    NONE_ENERGISED,
     Arm,
     Disarm,
     Effect,
     Event,
     Execute,
-    Fail,
     Finished,
-    Granted,
     Hold,
     Kind,
     LastFrame,
     Lease,
-    LinkLost,
+    LinkDown,
     Mode,
     Motion,
+    MotionOutcome,
     Now,
-    Outcome,
     Prove,
-    Refuse,
     Reset,
     Send,
     State,
@@ -70,7 +67,6 @@ _ROUNDING_S = 1e-6
 _HALF_US = 0.5 + 1e-9
 """Rounding to a whole pulse, at most."""
 _ALL = tuple(range(len(STRUT_NAMES)))
-_NOBODY = (False,) * len(STRUT_NAMES)
 
 Result = tuple[State, tuple[Effect, ...]]
 
@@ -84,16 +80,9 @@ class _Where(NamedTuple):
 
 
 class Supervisor:
-    """The state machine under a set of rules.
+    """The state machine under a set of rules; `move_time` says how long the board takes for a way."""
 
-    Attributes:
-        rules: calibration, limits, pacing and shape check.
-
-    Args:
-        move_time: how long the board takes for a way.
-    """
-
-    def __init__(self, rules: Rules, move_time: MoveTime = as_told) -> None:
+    def __init__(self, rules: Rules, move_time: MoveTime) -> None:
         self.rules = rules
         self._move_time = move_time
         us_per_m = np.array([1.0 / strut.quantum_m for strut in rules.calibration.struts])
@@ -103,35 +92,32 @@ class Supervisor:
         self._step_us = rules.limits.step_m * us_per_m + _HALF_US
 
     def step(self, state: State, event: Event, now: Now) -> Result:  # noqa: PLR0911 (one row an event)
-        """The next state and what to do. A refused event leaves the state as it was, with one `Refuse`."""
-        try:
-            match event:
-                case Tick():
-                    return self._tick(state, now, event.congested)
-                case Prove():
-                    return self._prove(state, event, now), ()
-                case Arm():
-                    return self._arm(state, event, now)
-                case Execute():
-                    return self._execute(state, event, now)
-                case Disarm():
-                    return self._disarm(state, event, now)
-                case Hold():
-                    return self._hold(state, event, now)
-                case Stop():
-                    return self._stop(state, event.reason, now)
-                case Supply():
-                    return replace(state, supply_mv=event.millivolts), ()
-                case LinkLost() | Fail():
-                    return self._fail(state, event, now)
-                case Reset():
-                    return self._reset(state), ()
-        except Refused as error:
-            return state, (Refuse(error),)
+        """The next state and what to do. Raises Refused: the event changes nothing."""
+        match event:
+            case Tick():
+                return self._tick(state, now, event.congested)
+            case Prove():
+                return self._prove(state, event, now), ()
+            case Arm():
+                return self._arm(state, event, now), ()
+            case Execute():
+                return self._execute(state, event, now), ()
+            case Disarm():
+                return self._disarm(state, event, now)
+            case Hold():
+                return self._hold(state, event, now)
+            case Stop():
+                return self._stop(state, event.reason, now)
+            case Supply():
+                return replace(state, supply_mv=event.millivolts), ()
+            case LinkDown():
+                return self._lose_link(state, event, now)
+            case Reset():
+                return self._reset(state), ()
 
     # ---- commands ---------------------------------------------------------------------------------------------------
 
-    def _arm(self, state: State, event: Arm, now: Now) -> Result:
+    def _arm(self, state: State, event: Arm, now: Now) -> State:
         if state.mode is Mode.FAULT:
             raise FaultLatched("arm", state.reason)
         if state.mode is not Mode.DISARMED and state.lease is not None:
@@ -141,7 +127,7 @@ class Supervisor:
         pulses_us = known_pulses(self.rules, state, event)
         check_homing(self.rules, pulses_us, homing_path(self.rules, pulses_us))
         lease = Lease(event.token, event.holder, now.wall_s)
-        homing = State(
+        return State(
             Mode.HOMING,
             "",
             pulses_us,
@@ -152,9 +138,8 @@ class Supervisor:
             duty=state.duty,
             supply_mv=state.supply_mv,
         )
-        return homing, (Granted(event.token),)
 
-    def _execute(self, state: State, event: Execute, now: Now) -> Result:
+    def _execute(self, state: State, event: Execute, now: Now) -> State:
         if state.mode is Mode.FAULT:
             raise FaultLatched("execute", state.reason)
         self._require_lease(state, event.lease, now)
@@ -167,7 +152,7 @@ class Supervisor:
         limit_s = self.rules.limits.goal_age_s  # last: what is too old is worth sending again only if nothing else is wrong
         if not abs(event.stamp_age_s) <= limit_s:  # also not-a-number
             raise StaleError(event.stamp_age_s, limit_s)
-        return replace(state, mode=Mode.ARMED, reason="", motion=Motion(event.number, path)), ()
+        return replace(state, mode=Mode.ARMED, reason="", motion=Motion(event.number, path))
 
     def _require_strength(self, state: State, path: Trajectory, now: Now) -> None:
         """Duty and supply for a motion that loads the struts; the way back to mid stroke is always open."""
@@ -183,7 +168,7 @@ class Supervisor:
             raise FaultLatched("disarm", state.reason)
         if state.lease is not None and event.lease != state.lease.token:
             raise LeaseError(event.lease, f"{state.lease.holder} holds another one; ask there, or stop")
-        held = self._end(state, now, Mode.DISARMED, "", Outcome.HELD, "disarmed")
+        held = self._end(state, now, Mode.DISARMED, "", MotionOutcome.HELD, "disarmed")
         return replace(held[0], lease=None, homed=False), held[1]
 
     def _hold(self, state: State, event: Hold, now: Now) -> Result:
@@ -191,23 +176,22 @@ class Supervisor:
         if event.number is not None and not (state.motion is not None and state.motion.number == event.number):
             return state, ()
         if state.mode is Mode.HOMING:  # half homed is not homed
-            held = self._end(state, now, Mode.HOLD, f"{event.reason}; arm again", Outcome.HELD, event.reason)
+            held = self._end(state, now, Mode.HOLD, f"{event.reason}; arm again", MotionOutcome.HELD, event.reason)
             return replace(held[0], lease=None), held[1]
         if state.mode is Mode.ARMED or running:
-            return self._end(state, now, Mode.HOLD, event.reason, Outcome.HELD, event.reason)
+            return self._end(state, now, Mode.HOLD, event.reason, MotionOutcome.HELD, event.reason)
         return state, ()
 
     def _stop(self, state: State, reason: str, now: Now) -> Result:
         latched = state.reason if state.mode is Mode.FAULT else reason
-        stopped = self._end(state, now, Mode.FAULT, latched, Outcome.FAULT, reason)
+        stopped = self._end(state, now, Mode.FAULT, latched, MotionOutcome.FAULT, reason)
         return replace(stopped[0], lease=None, homed=False), stopped[1]
 
-    def _fail(self, state: State, event: LinkLost | Fail, now: Now) -> Result:
+    def _lose_link(self, state: State, event: LinkDown, now: Now) -> Result:
+        """Nothing can be sent, and who knows whether the board kept its power."""
         ended, effects = self._stop(state, event.reason, now)
-        if isinstance(event, LinkLost):  # nothing can be sent, and who knows whether the board kept its power
-            effects = tuple(effect for effect in effects if not isinstance(effect, Send))
-            ended = replace(ended, energised=_NOBODY, pulses_us=state.pulses_us, last_frame=None)
-        return ended, effects
+        ended = replace(ended, energised=NONE_ENERGISED, pulses_us=state.pulses_us, last_frame=None)
+        return ended, tuple(effect for effect in effects if not isinstance(effect, Send))
 
     def _reset(self, state: State) -> State:
         if state.mode is not Mode.FAULT:
@@ -224,7 +208,7 @@ class Supervisor:
         if state.lease is not None and self._silent(state.lease, now):
             limit_s = self.rules.limits.lease_silence_s
             reason = f"{state.lease.holder} was silent for more than {limit_s:g} s; arm again"
-            held = self._end(state, now, Mode.HOLD, reason, Outcome.HELD, reason)
+            held = self._end(state, now, Mode.HOLD, reason, MotionOutcome.HELD, reason)
             return replace(held[0], lease=None, homed=False), held[1]
         if congested:
             return state, ()
@@ -253,7 +237,7 @@ class Supervisor:
                 return replace(state, motion=motion), ()
             if motion.number == HOMING_NUMBER:
                 return replace(state, mode=Mode.ARMED, reason="", motion=None, homed=True), ()
-            return replace(state, motion=None), (Finished(motion.number, Outcome.DONE, ""),)
+            return replace(state, motion=None), (Finished(motion.number, MotionOutcome.DONE, ""),)
         period_s = self.rules.pacing.period_s
         elapsed_s = period_s if motion.ticked_s is None else max(0.0, now.robot_s - motion.ticked_s)
         where = self._where(state, now)
@@ -316,7 +300,7 @@ class Supervisor:
 
     # ---- shared -----------------------------------------------------------------------------------------------------
 
-    def _end(self, state: State, now: Now, mode: Mode, reason: str, outcome: Outcome, why: str) -> Result:
+    def _end(self, state: State, now: Now, mode: Mode, reason: str, outcome: MotionOutcome, why: str) -> Result:
         """Ends motion and homing, and holds every strut that is under power where the board is."""
         effects: list[Effect] = []
         ended = replace(state, mode=mode, reason=reason, motion=None, energising=0)

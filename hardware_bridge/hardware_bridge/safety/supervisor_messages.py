@@ -6,13 +6,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from hardware_bridge.errors import Refused
 from hardware_bridge.safety.duty_cycle import Duty
 from hardware_bridge.safety.trajectory import Trajectory
 from sim_core.names import STRUT_NAMES
 
-_NONE_KNOWN: tuple[int | None, ...] = (None,) * len(STRUT_NAMES)
-_NONE_ENERGISED = (False,) * len(STRUT_NAMES)
+NONE_KNOWN: tuple[None, ...] = (None,) * len(STRUT_NAMES)
+NONE_ENERGISED = (False,) * len(STRUT_NAMES)
 
 
 HOMING_NUMBER = 0
@@ -38,7 +37,7 @@ class Kind(StrEnum):
     HOLD = "hold"
 
 
-class Outcome(StrEnum):
+class MotionOutcome(StrEnum):
     """How a motion ended."""
 
     DONE = "done"
@@ -120,8 +119,8 @@ class State:
 
     mode: Mode = Mode.DISARMED
     reason: str = ""
-    pulses_us: tuple[int | None, ...] = _NONE_KNOWN
-    energised: tuple[bool, ...] = _NONE_ENERGISED
+    pulses_us: tuple[int | None, ...] = NONE_KNOWN
+    energised: tuple[bool, ...] = NONE_ENERGISED
     lease: Lease | None = None
     homed: bool = False
     motion: Motion | None = None
@@ -143,7 +142,7 @@ class Arm:
     holder: str
     lifted_and_clear: bool
     token: str
-    confirmed_lengths_m: tuple[float | None, ...] = (None,) * len(STRUT_NAMES)
+    confirmed_lengths_m: tuple[float | None, ...] = NONE_KNOWN
 
 
 @dataclass(frozen=True)
@@ -180,13 +179,13 @@ class Hold:
 
 @dataclass(frozen=True)
 class Stop:
-    """Stop pressed."""
+    """Stop pressed, or anything else that must latch."""
 
     reason: str = "stop pressed"
 
 
 @dataclass(frozen=True)
-class LinkLost:
+class LinkDown:
     """The port failed, or the board fell silent."""
 
     reason: str
@@ -197,13 +196,6 @@ class Supply:
     """The board told its supply, in [mV]; None: it is not known any more."""
 
     millivolts: int | None
-
-
-@dataclass(frozen=True)
-class Fail:
-    """Anything else that must latch."""
-
-    reason: str
 
 
 @dataclass(frozen=True)
@@ -218,7 +210,7 @@ class Tick:
     congested: bool = False
 
 
-Event = Arm | Disarm | Prove | Execute | Hold | Stop | LinkLost | Supply | Fail | Reset | Tick
+Event = Arm | Disarm | Prove | Execute | Hold | Stop | LinkDown | Supply | Reset | Tick
 
 
 # ---- effects --------------------------------------------------------------------------------------------------------
@@ -235,26 +227,12 @@ class Send:
 
 
 @dataclass(frozen=True)
-class Granted:
-    """The lease is given; homing has begun."""
-
-    lease: str
-
-
-@dataclass(frozen=True)
-class Refuse:
-    """The event changed nothing."""
-
-    error: Refused
-
-
-@dataclass(frozen=True)
 class Finished:
     """A motion ended."""
 
     number: int
-    outcome: Outcome
+    outcome: MotionOutcome
     reason: str
 
 
-Effect = Send | Granted | Refuse | Finished
+Effect = Send | Finished

@@ -62,6 +62,10 @@ class Trajectory:
         object.__setattr__(self, "times_s", times)
         object.__setattr__(self, "lengths_m", lengths)
 
+    def __reduce__(self) -> tuple[object, ...]:
+        """What comes over a connection is checked like any other."""
+        return Trajectory, (self.times_s, self.lengths_m)
+
     @classmethod
     def from_names(cls, names: Sequence[str], times_s: ArrayLike, lengths_m: ArrayLike) -> Trajectory:
         """A trajectory whose columns are in the order of `names`, which must be S1 to S6, each once.

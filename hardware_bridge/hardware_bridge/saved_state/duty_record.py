@@ -100,10 +100,7 @@ class DutyRecord:
             "known_s": round(max(0.0, min(now_s - self._known_since_s, self._limits.duty_window_s)), 3),
             "spells": [[round(now_s - start_s, 3), [round(run, 3) for run in run_s]] for start_s, run_s in known],
         }
-        try:
-            state_file.write(self.path, data)
-        except OSError as error:
-            raise StateFileError(str(self.path), error.strerror or str(error), "the struts' running time") from error
+        state_file.write(self.path, data, "the struts' running time")
         self._saved, self._saved_s = duty, wall_s
 
     def try_to_save(self, duty: Duty, now_s: float) -> None:

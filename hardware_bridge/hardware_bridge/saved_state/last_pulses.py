@@ -23,6 +23,7 @@ from hardware_bridge.saved_state import state_file
 from hardware_bridge.saved_state.robot_identity import NAMELESS, Identity, record_path
 from hardware_bridge.saved_state.state_file import UnreadableError
 
+_WHAT = "the last pulses"
 _PLAUSIBLE_US = (500, 2500)
 _NO_NAME = "the calibration names no robot, so nothing is remembered of it (a line `robot: NAME` in it gives it a name)"
 
@@ -67,20 +68,17 @@ class LastPulses:
         }
         if pulses == self._saved and not force:
             return
-        try:
-            if not self.identity.is_known:
-                if pulses and not self._saved:
-                    self._mark = secrets.token_hex(8)
-                if force or not self._saved:
-                    state_file.write(self._nameless, {"mark": self._mark}, durable)
-            elif not pulses and self._others is not None:
-                state_file.write(self.path, self._others, durable)
-            else:
-                state_file.write(self.path, {**self._key(), "mark": self._mark, "pulses_us": pulses}, durable)
-                self._others = None
-        except OSError as error:
-            path = self.path if self.identity.is_known else self._nameless
-            raise StateFileError(str(path), error.strerror or str(error)) from error
+        if not self.identity.is_known:
+            if pulses and not self._saved:
+                self._mark = secrets.token_hex(8)
+            if force or not self._saved:
+                state_file.write(self._nameless, {"mark": self._mark}, _WHAT, durable)
+        elif not pulses and self._others is not None:
+            state_file.write(self.path, self._others, _WHAT, durable)
+        else:
+            whose = {"robot": self.identity.robot, "calibration": self.identity.calibration, "board": self.identity.board}
+            state_file.write(self.path, {**whose, "mark": self._mark, "pulses_us": pulses}, _WHAT, durable)
+            self._others = None
         self._saved = pulses
 
     def forget(self, channels: Sequence[int]) -> None:
@@ -92,15 +90,12 @@ class LastPulses:
             try:
                 self.path.unlink(missing_ok=True)  # which a full disk permits
             except OSError as error:
-                raise StateFileError(str(self.path), error.strerror or str(error)) from error
+                raise StateFileError(str(self.path), error.strerror or str(error), _WHAT) from error
 
     def becomes(self, calibration_hash: str, pulses_us: Mapping[int, int]) -> None:
         """The same robot at the same pulses, with a calibration that has just been measured at it. Raises StateFileError."""
         self.identity = replace(self.identity, calibration=calibration_hash)
         self.save(list(pulses_us), list(pulses_us.values()), force=True, durable=True)
-
-    def _key(self) -> dict[str, object]:
-        return {"robot": self.identity.robot, "calibration": self.identity.calibration, "board": self.identity.board}
 
     def _look(self) -> tuple[str, dict[str, int]]:
         """Why nothing is known, and what is."""

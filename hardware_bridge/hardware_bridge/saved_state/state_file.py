@@ -3,11 +3,11 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 from pathlib import Path
 
+from hardware_bridge.errors import StateFileError
 from sim_core.errors import FileError
 from sim_core.files.bounded_reader import read_bytes
 
@@ -48,19 +48,25 @@ def read(path: Path) -> dict[str, object] | None:
     return data
 
 
-def write(path: Path, data: dict[str, object], durable: bool = False) -> None:
-    """Replaces a file at once, whatever it was; `durable` waits for the disk. Raises OSError: the old one stays."""
+def write(path: Path, data: dict[str, object], what: str, durable: bool = False) -> None:
+    """Replaces a file at once, whatever it was; `durable` waits for the disk.
+
+    Raises:
+        StateFileError: `what` cannot be kept; the old file stays.
+    """
     temporary = path.with_suffix(f".{os.getpid()}.tmp")
-    path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-    with contextlib.suppress(FileNotFoundError):
-        temporary.unlink()  # of a process of this number that was killed
-    descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        file.write(json.dumps(data, allow_nan=False))
-        if durable:
-            file.flush()
-            os.fsync(descriptor)
-    temporary.replace(path)
+    try:
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        temporary.unlink(missing_ok=True)  # of a process of this number that was killed
+        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
+            file.write(json.dumps(data, allow_nan=False))
+            if durable:
+                file.flush()
+                os.fsync(descriptor)
+        temporary.replace(path)
+    except OSError as error:
+        raise StateFileError(str(path), error.strerror or str(error), what) from error
 
 
 def _refuse(constant: str) -> object:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import math
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -39,7 +40,7 @@ class Faults:
         self._board = board
         self._battery_mv = board.battery_mv
         self._supply_v: float | None = None
-        self._sags_until_s = float("inf")
+        self._sags_until_s = math.inf
         self._stalling: set[int] = set()
         self._stalled_m: dict[int, float] = {}
         self._server = private_files.listen(path, _MAX_CLIENTS)
@@ -64,12 +65,7 @@ class Faults:
         return modelled_v if self._supply_v is None else self._supply_v
 
     def stalled(self, targets_m: NDArray[np.float64], lengths_m: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Targets of six struts, with those that are stuck where they were last sent. NaN: no pulse.
-
-        Args:
-            targets_m: targets now, in [m], NaN: no pulse. Shape (6,).
-            lengths_m: targets of the last time, in [m]. Shape (6,).
-        """
+        """Targets now, with struts that are stuck where they were sent last, `lengths_m`. In [m], NaN: no pulse. Shape (6,)."""
         for index in self._stalling:
             if not np.isnan(lengths_m[index]):
                 self._stalled_m.setdefault(index, float(lengths_m[index]))
@@ -98,15 +94,15 @@ class Faults:
     def _begin(self, fault: str, way: Direction, numbers: dict[str, float], now_s: float) -> None:
         match fault:
             case "drop":
-                way.drop(int(numbers["count"]))
+                way.drop = numbers["count"] or math.inf
             case "corrupt":
-                way.corrupt(int(numbers["count"]))
+                way.corrupt = numbers["count"] or math.inf
             case "delay":
-                way.delay(numbers["seconds"])
+                way.delay_s = numbers["seconds"]
             case "extra":
                 way.extra(int(numbers["count"]), now_s)
             case "cut":
-                self.to_board.cut()
+                self.to_board.cut = True
             case "stuck":
                 self._port.hold_back(True)
             case "reset":
@@ -115,7 +111,7 @@ class Faults:
                 self._supply_v, self._sags_until_s = numbers["volts"], now_s + numbers["seconds"]
                 self._board.reset(now_s)
             case "battery":
-                self._supply_v, self._sags_until_s = numbers["volts"], float("inf")
+                self._supply_v, self._sags_until_s = numbers["volts"], math.inf
             case "stall":
                 self._stalling.add(int(numbers["strut"]) - 1)
             case "clear":
@@ -129,4 +125,4 @@ class Faults:
     def _end_sag(self) -> None:
         if self._supply_v is not None:
             self._board.battery_mv = self._battery_mv
-        self._supply_v, self._sags_until_s = None, float("inf")
+        self._supply_v, self._sags_until_s = None, math.inf

@@ -18,9 +18,8 @@ from hardware_bridge.driver.robot_clock import RobotClock
 from hardware_bridge.errors import PrototypeError
 from hardware_bridge.prototype_client.handshake import faults_path, observer_path
 from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoard
-from hardware_bridge.virtual_prototype.boards.lsc import EmulatedLsc
 from hardware_bridge.virtual_prototype.boards.pulse_outputs import Outputs
-from hardware_bridge.virtual_prototype.body import Body
+from hardware_bridge.virtual_prototype.body import SimulatedBody
 from hardware_bridge.virtual_prototype.fault_server import Faults
 from hardware_bridge.virtual_prototype.observer_server import PERIOD_S, Observer
 from hardware_bridge.virtual_prototype.pty_port import PseudoPort
@@ -49,7 +48,7 @@ class VirtualPrototype:
         link: where the pty is linked; see `prototype_client.handshake` for the files beside it.
         body: what the outputs drive.
         calibration: the prototype's own, true one.
-        board: what takes the bytes; an LSC board by default.
+        board: what takes the bytes.
         time_scale: robot seconds per second.
 
     Raises:
@@ -59,14 +58,14 @@ class VirtualPrototype:
     def __init__(
         self,
         link: Path,
-        body: Body,
+        body: SimulatedBody,
         calibration: Calibration,
-        board: EmulatedBoard | None = None,
+        board: EmulatedBoard,
         time_scale: float = 1.0,
     ) -> None:
         self._body = body
         self._calibration = calibration
-        self._board = EmulatedLsc() if board is None else board
+        self._board = board
         self._outputs = Outputs()
         self._targets_m = np.full(6, np.nan)
         self._time_scale = time_scale
@@ -162,9 +161,5 @@ class VirtualPrototype:
                 return
 
     def _commanded_m(self, time_s: float) -> NDArray[np.float64]:
-        lengths_m = np.full(6, np.nan)
-        for index, strut in enumerate(self._calibration.struts):
-            pulse_us = self._outputs.pulse_us(strut.channel, time_s)
-            stroke_mm = (pulse_us - strut.pulse_at_zero_us - strut.trim_us) / (strut.direction * strut.us_per_mm)
-            lengths_m[index] = self._calibration.mid_stroke_length_m + stroke_mm * 1e-3
-        return lengths_m
+        outputs, channels = self._outputs, self._calibration.channels
+        return np.array([self._calibration.length_m(*each) for each in enumerate(outputs.pulse_us(on, time_s) for on in channels)])

@@ -10,59 +10,43 @@ MOVE_BYTES = 20
 
 _CHANGED_BITS = 0x5A
 _NOBODYS = 0x55
-_FOREVER = -1
 
 
 class Direction:
-    """One way of the line. Times are robot time in [s]."""
+    """One way of the line. Times are robot time in [s].
+
+    Attributes:
+        drop, corrupt: how many of the next bytes are lost, or changed; infinite: all until `clear`.
+        cut: the second half of the next move is lost.
+        delay_s: what comes from now on is so much later.
+    """
 
     def __init__(self) -> None:
-        self._drop = 0
-        self._corrupt = 0
-        self._cut = False
-        self._delay_s = 0.0
         self._late: deque[tuple[float, bytes]] = deque()
+        self.clear()
 
-    def drop(self, count: int) -> None:
-        """Loses the next bytes; 0: all."""
-        self._drop = count or _FOREVER
-
-    def corrupt(self, count: int) -> None:
-        """Changes the next bytes; 0: all."""
-        self._corrupt = count or _FOREVER
-
-    def delay(self, seconds: float) -> None:
-        """Holds back what comes from now on."""
-        self._delay_s = seconds
-
-    def cut(self) -> None:
-        """Loses the second half of the next move."""
-        self._cut = True
+    def clear(self) -> None:
+        """No faults any more; what is late still arrives, at once."""
+        self.drop = self.corrupt = 0.0
+        self.cut, self.delay_s = False, 0.0
+        self._late = deque((0.0, data) for _, data in self._late)
 
     def extra(self, count: int, now_s: float) -> None:
         """Bytes that nobody sent."""
         self._late.append((now_s, bytes((_NOBODYS,)) * count))
 
-    def clear(self) -> None:
-        """No faults any more; what is late still arrives, at once."""
-        self._drop = self._corrupt = 0
-        self._cut, self._delay_s = False, 0.0
-        self._late = deque((0.0, data) for _, data in self._late)
-
     def put(self, data: bytes, now_s: float) -> None:
         """Bytes that go in now."""
-        if self._cut and len(data) >= MOVE_BYTES:
-            self._cut, data = False, data[: len(data) // 2]
-        if self._drop:
-            lost = len(data) if self._drop == _FOREVER else min(self._drop, len(data))
-            self._drop -= 0 if self._drop == _FOREVER else lost
-            data = data[lost:]
-        if self._corrupt:
-            bad = len(data) if self._corrupt == _FOREVER else min(self._corrupt, len(data))
-            self._corrupt -= 0 if self._corrupt == _FOREVER else bad
-            data = bytes(byte ^ _CHANGED_BITS for byte in data[:bad]) + data[bad:]
+        if self.cut and len(data) >= MOVE_BYTES:
+            self.cut, data = False, data[: len(data) // 2]
+        lost = int(min(self.drop, len(data)))
+        self.drop -= lost
+        data = data[lost:]
+        bad = int(min(self.corrupt, len(data)))
+        self.corrupt -= bad
+        data = bytes(byte ^ _CHANGED_BITS for byte in data[:bad]) + data[bad:]
         if data:
-            self._late.append((now_s + self._delay_s, data))
+            self._late.append((now_s + self.delay_s, data))
 
     def take(self, now_s: float) -> bytes:
         """Bytes that come out now."""

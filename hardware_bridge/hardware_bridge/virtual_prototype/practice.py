@@ -24,14 +24,14 @@ def practice_prototype(time_scale: float = 1.0, board: str = "lsc") -> Iterator[
     """A virtual prototype of its own, until the end of the block.
 
     Args:
-        time_scale: Robot seconds per second.
-        board: The servo board it emulates, as `parse_board` takes it.
+        time_scale: robot seconds per second.
+        board: the servo board it emulates, as `parse_board` takes it.
 
     Yields:
-        Its port, alone in a folder that goes with it: a good place for the records of a robot that will be gone as well.
+        its port, alone in a folder that goes with it: a good place for the records of a robot that will be gone as well.
 
     Raises:
-        PrototypeError: It does not start.
+        PrototypeError: it does not start.
     """
     with tempfile.TemporaryDirectory(prefix="sixstrut-practice-") as folder:
         link = Path(folder) / "prototype"

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import fcntl
 import os
@@ -54,19 +55,15 @@ class PseudoPort:
         """What has come, up to `limit` bytes, without waiting."""
         try:
             return os.read(self._near, limit)
-        except BlockingIOError:
-            return b""
         except OSError as error:
-            if error.errno == errno.EIO:
+            if error.errno in (errno.EAGAIN, errno.EIO):
                 return b""
             raise
 
     def write(self, data: bytes) -> None:
         """Replies; what nobody takes is lost, as on a wire."""
-        try:
+        with contextlib.suppress(BlockingIOError):
             os.write(self._near, data)
-        except BlockingIOError:
-            return
 
     def hold_back(self, on: bool) -> None:
         """Makes the far end take no more bytes, as a radio link that is out of range does, or take them again."""

@@ -6,8 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hardware_bridge.boards.maestro import Maestro
-from hardware_bridge.boards.names import BOARDS
-from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.boards.registry import BOARDS, parse_board
 from hardware_bridge.errors import ParameterError
 
 SPECS = ["lsc", "ssc32", "maestro", "maestro:crc", "maestro:device=12", "maestro:device=12:crc"]

@@ -34,7 +34,7 @@ from hardware_bridge.errors import (
 )
 from hardware_bridge.safety.limit_checks import Rules, check_frame
 from hardware_bridge.safety.limits import Limits, Pacing
-from hardware_bridge.safety.supervisor_messages import Mode, Outcome
+from hardware_bridge.safety.supervisor_messages import Mode, MotionOutcome
 from hardware_bridge.safety.trajectory import Trajectory
 from tests.hardware_bridge.helpers import MID, MID_M, Wire, wait_for
 
@@ -210,7 +210,7 @@ def test_stop_in_motion_lets_no_further_motion_out(make_bridge: Make, wire: Wire
         assert bridge.snapshot().lengths_m == held.lengths_m
         result = handle.result()
         assert result is not None
-        assert (result.outcome, result.reason) == (Outcome.FAULT, "stop pressed")
+        assert (result.outcome, result.reason) == (MotionOutcome.FAULT, "stop pressed")
         wait_for(lambda: len(sent) > stopped_at + 5, "heartbeats")
         assert all(event.heartbeat for event in sent[stopped_at:])
         assert wire.moves()[-1] == Move((1, 2, 3, 4, 5, 6), held.pulses_us, 55)
@@ -273,7 +273,7 @@ def test_cancel_holds_and_the_next_command_goes_on(make_bridge: Make, wire: Wire
         handle.cancel("enough")
         result = handle.result()
         assert result is not None
-        assert (result.outcome, result.reason) == (Outcome.HELD, "enough")
+        assert (result.outcome, result.reason) == (MotionOutcome.HELD, "enough")
         assert 0.0 < handle.progress().fraction < 0.9
         assert bridge.snapshot().mode is Mode.HOLD
         again = bridge.execute(Trajectory([2.0], [MID]), lease)
@@ -293,7 +293,7 @@ def test_a_silent_commander_is_held_within_the_limit(make_bridge: Make, wire: Wi
     assert handle.wait(20.0)
     result = handle.result()
     assert result is not None
-    assert result.outcome is Outcome.HELD
+    assert result.outcome is MotionOutcome.HELD
     moving = [event.robot_time_ns for event in sent if event.kind == "move"]
     assert moving[-1] - moving[0] < 1.3e9
     assert bridge.snapshot().mode is Mode.HOLD
@@ -345,7 +345,7 @@ def test_a_lost_link_latches_and_reset_wants_it_back(make_bridge: Make, wire: Wi
         assert handle.wait(20.0)
     result = handle.result()
     assert result is not None
-    assert result.outcome is Outcome.FAULT
+    assert result.outcome is MotionOutcome.FAULT
     snapshot = bridge.snapshot()
     assert (snapshot.mode, snapshot.link_ok) == (Mode.FAULT, False)
     assert wire.port in snapshot.reason

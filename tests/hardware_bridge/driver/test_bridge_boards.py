@@ -156,7 +156,7 @@ def test_after_a_cut_frame_the_positions_on_a_maestro_are_unknown_and_on_others_
     for spec in ("maestro", "ssc32", "lsc"):
         running, bridge = start(start_prototype, make_bridge, spec)
         with armed(bridge) as lease:
-            transport = bridge._link._transport
+            transport = bridge._link.transport
             whole = transport.write_all
 
             def cut(data: bytes, whole: Callable = whole, transport: object = transport) -> object:

@@ -10,8 +10,7 @@ import pytest
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.driver.bridge import Bridge
 from hardware_bridge.errors import LinkLost
-from hardware_bridge.link.backpressure import PORT_LIMIT_S, Congestion
-from hardware_bridge.link.board_link import LATE_ANSWER_S, Link
+from hardware_bridge.link.board_link import LATE_ANSWER_S, PORT_LIMIT_S, Link
 from hardware_bridge.prototype_client.fault_client import FROM_BOARD, inject
 from hardware_bridge.safety.supervisor_messages import Mode
 from hardware_bridge.safety.trajectory import Trajectory
@@ -43,43 +42,40 @@ def link(slow: Slow) -> Link:
 
 
 def test_a_port_that_holds_the_frame_before_gets_no_other_and_at_last_is_lost(slow: Slow, link: Link) -> None:
-    congestion = Congestion()
-    assert not congestion.look(link, 0.0)
+    assert not link.holds_back(0.0)
     slow.holds = 1000
-    assert congestion.look(link, 1.0)
-    assert congestion.look(link, 1.0 + PORT_LIMIT_S)
+    assert link.holds_back(1.0)
+    assert link.holds_back(1.0 + PORT_LIMIT_S)
     with pytest.raises(LinkLost, match=r"has sent nothing on for 0\.5 s"):
-        congestion.look(link, 1.1 + PORT_LIMIT_S)
-    assert congestion.periods == 3
+        link.holds_back(1.1 + PORT_LIMIT_S)
+    assert link.congested_periods == 3
 
 
 def test_a_port_that_catches_up_is_forgiven(slow: Slow, link: Link) -> None:
-    congestion = Congestion()
     for second in range(3):
         slow.holds = 1000
-        assert congestion.look(link, second)
+        assert link.holds_back(second)
         slow.holds = 0
-        assert not congestion.look(link, second + 0.4)
+        assert not link.holds_back(second + 0.4)
 
 
 def test_a_late_answer_holds_frames_back_until_it_comes(slow: Slow, link: Link) -> None:
-    congestion = Congestion()
     slow.mute = True
     link.attend(0.0, ALL_ON)
-    assert not congestion.look(link, 3.0), "a board that never answered is not late"
+    assert not link.holds_back(3.0), "a board that never answered is not late"
     slow.mute = False
     link.attend(3.1, ALL_ON)
     assert link.attend(3.2, ALL_ON) is not None
     slow.mute = True
     link.attend(4.2, ALL_ON)
-    assert not congestion.look(link, 4.2 + LATE_ANSWER_S)
-    assert congestion.look(link, 4.3 + LATE_ANSWER_S)
+    assert not link.holds_back(4.2 + LATE_ANSWER_S)
+    assert link.holds_back(4.3 + LATE_ANSWER_S)
     link.attend(5.3, ALL_ON)
-    assert congestion.look(link, 5.4), "asking again is no answer"
+    assert link.holds_back(5.4), "asking again is no answer"
     slow.mute = False
     link.attend(6.4, ALL_ON)
     assert link.attend(6.5, ALL_ON) is not None
-    assert not congestion.look(link, 6.5)
+    assert not link.holds_back(6.5)
 
 
 def test_questions_answers_and_their_time_are_counted() -> None:

@@ -246,7 +246,7 @@ def test_a_full_disk_does_not_keep_a_hold_back(tmp_path: Path, monkeypatch: pyte
         rig.tick(0.05)
 
     def full(*_: object, **__: object) -> None:
-        raise StateFileError("last.json", "no space left")
+        raise StateFileError("last.json", "no space left", "the last pulses")
 
     monkeypatch.setattr(rig.kept.pulses, "save", full)
     rig.tick(0.05)

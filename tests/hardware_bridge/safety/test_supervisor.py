@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.errors import (
     FaultLatched,
     LeaseError,
@@ -26,17 +27,14 @@ from hardware_bridge.safety.supervisor_messages import (
     Effect,
     Event,
     Execute,
-    Fail,
     Finished,
-    Granted,
     Hold,
     Kind,
-    LinkLost,
+    LinkDown,
     Mode,
+    MotionOutcome,
     Now,
-    Outcome,
     Prove,
-    Refuse,
     Reset,
     Send,
     State,
@@ -51,7 +49,7 @@ class Driver:
     """Feeds a supervisor and keeps its state, time and effects."""
 
     def __init__(self, rules: Rules, pulses_us: tuple[int | None, ...] = (None,) * 6) -> None:
-        self.supervisor = Supervisor(rules)
+        self.supervisor = Supervisor(rules, Lsc().move_time_s)
         self.state = State(pulses_us=pulses_us)
         self.time_s = 100.0
         self.effects: list[Effect] = []
@@ -63,10 +61,10 @@ class Driver:
 
     def refusal(self, event: Event) -> Refused:
         before = self.state
-        (effect,) = self.feed(event)
-        assert isinstance(effect, Refuse)
+        with pytest.raises(Refused) as caught:
+            self.feed(event)
         assert self.state == before
-        return effect.error
+        return caught.value
 
     def tick(self, after_s: float = 0.05, congested: bool = False) -> tuple[Effect, ...]:
         self.time_s += after_s
@@ -128,7 +126,9 @@ def test_a_record_and_a_confirmation_that_disagree_are_refused(rules: Rules) -> 
     error = driver.refusal(Arm("test", True, "key", MID))
     assert isinstance(error, PositionUnknown)
     assert error.strut == "S3"
-    assert driver.feed(Arm("test", True, "key")) == (Granted("key"),)
+    assert driver.feed(Arm("test", True, "key")) == ()
+    assert driver.state.lease is not None
+    assert driver.state.lease.token == "key"
 
 
 def test_homing_energises_one_strut_at_a_time_where_it_is_and_then_goes_slowly(rules: Rules) -> None:
@@ -184,7 +184,7 @@ def test_a_motion_is_sent_in_short_frames_and_ends_on_its_last_knot(armed: Drive
     assert len(frames) == 20
     assert {frame.duration_ms for frame in frames} == {55}
     assert frames[-1].pulses_us == (1600, 1500, 1500, 1500, 1500, 1500)
-    assert armed.effects[-1] == Finished(1, Outcome.DONE, "")
+    assert armed.effects[-1] == Finished(1, MotionOutcome.DONE, "")
     assert armed.state.mode is Mode.ARMED
 
 
@@ -193,7 +193,7 @@ def test_the_board_has_had_its_time_when_a_motion_is_done(armed: Driver) -> None
     armed.tick()
     assert armed.sent()[-1].pulses_us[0] == 1510
     assert not armed.tick(0.05)
-    assert armed.tick(0.01) == (Finished(1, Outcome.DONE, ""),)
+    assert armed.tick(0.01) == (Finished(1, MotionOutcome.DONE, ""),)
 
 
 def test_a_late_frame_is_the_newest_due_one_and_the_stale_ones_are_dropped(armed: Driver) -> None:
@@ -273,7 +273,7 @@ def test_cancel_holds_and_the_holder_may_go_on(armed: Driver) -> None:
     assert armed.state.mode is Mode.HOLD
     assert effects == (
         Send(Kind.HOLD, (0, 1, 2, 3, 4, 5), (1502, 1500, 1500, 1500, 1500, 1500), 55),
-        Finished(1, Outcome.HELD, "cancelled"),
+        Finished(1, MotionOutcome.HELD, "cancelled"),
     )
     assert armed.tick() == ()
     armed.move()
@@ -322,13 +322,13 @@ def test_stop_latches_and_only_reset_leaves(armed: Driver) -> None:
     effects = armed.feed(Stop())
     assert isinstance(effects[0], Send)
     assert effects[0].pulses_us == (1503, 1500, 1500, 1500, 1500, 1500), "where the board is after 33 of 55 ms"
-    assert effects[1] == Finished(1, Outcome.FAULT, "stop pressed")
+    assert effects[1] == Finished(1, MotionOutcome.FAULT, "stop pressed")
     for event in (Arm("x", True, "k", MID), Disarm("key"), Execute(Trajectory([1.0], [MID]), "key", 0.0, 2)):
         error = armed.refusal(event)
         assert isinstance(error, FaultLatched)
         assert "stop pressed" in str(error)
     assert armed.tick(10.0) == ()
-    armed.feed(LinkLost("gone"))
+    armed.feed(LinkDown("gone"))
     assert armed.state.reason == "stop pressed", "the first fault is the one to tell"
     armed.feed(Reset())
     assert armed.state.mode is Mode.DISARMED
@@ -337,13 +337,13 @@ def test_stop_latches_and_only_reset_leaves(armed: Driver) -> None:
 def test_a_lost_link_latches_and_sends_nothing(armed: Driver) -> None:
     armed.move()
     armed.tick()
-    assert armed.feed(LinkLost("gone")) == (Finished(1, Outcome.FAULT, "gone"),)
+    assert armed.feed(LinkDown("gone")) == (Finished(1, MotionOutcome.FAULT, "gone"),)
     assert armed.state.mode is Mode.FAULT
     assert not any(armed.state.energised), "the board may have lost its power"
     assert armed.state.pulses_us[0] == 1505, "it ends its last frame, nobody has told it otherwise"
 
 
 def test_an_internal_failure_latches_and_holds(armed: Driver) -> None:
-    effects = armed.feed(Fail("bug"))
+    effects = armed.feed(Stop("bug"))
     assert isinstance(effects[0], Send)
     assert armed.state.mode is Mode.FAULT

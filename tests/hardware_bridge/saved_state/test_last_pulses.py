@@ -111,7 +111,7 @@ def test_struts_that_may_have_moved_by_themselves_are_forgotten_even_on_a_full_d
     record.save(CHANNELS, PULSES)
 
     def full(*words: object) -> None:
-        raise OSError(28, "No space left on device")
+        raise StateFileError("x.json", "No space left on device", "it")
 
     monkeypatch.setattr(state_file, "write", full)
     record.forget(CHANNELS)

@@ -15,9 +15,8 @@ from hardware_bridge.calibration.pulse_map import Calibration
 from hardware_bridge.driver.bridge import Bridge
 from hardware_bridge.errors import DutyError, PortBusy, PositionUnknown
 from hardware_bridge.safety.limit_checks import Rules
-from hardware_bridge.safety.supervisor_messages import LinkLost, Mode
+from hardware_bridge.safety.supervisor_messages import LinkDown, Mode
 from hardware_bridge.safety.trajectory import Trajectory
-from hardware_bridge.saved_state import state_file
 from tests.hardware_bridge.driver.test_bridge import armed
 from tests.hardware_bridge.helpers import MID, MID_M, Wire, wait_for
 
@@ -210,11 +209,10 @@ def test_a_reset_believes_memory_and_not_a_record_that_could_not_be_written(
         raise OSError(30, "Read-only file system")
 
     with monkeypatch.context() as broken, bridge._engine.lock:
-        broken.setattr(state_file, "write", fails)
         broken.setattr(Path, "unlink", fails)
         bridge._engine.forget_positions()
-        bridge._link.down()
-        bridge._engine.apply(LinkLost("the board reports an error"))
+        bridge._link.is_up = False
+        bridge._engine.apply(LinkDown("the board reports an error"))
     bridge.reset()
     with pytest.raises(PositionUnknown, match="the board may have moved or released the struts"):
         bridge.arm("test", True)

@@ -16,7 +16,7 @@ def test_what_was_written_is_read_and_nothing_is_left_beside_it(tmp_path: Path) 
     path = tmp_path / "new" / "x.json"
     assert state_file.read(path) is None
     for number in range(5):
-        state_file.write(path, {"number": number}, durable=number == 4)
+        state_file.write(path, {"number": number}, "it", durable=number == 4)
         assert state_file.read(path) == {"number": number}
     assert list(path.parent.iterdir()) == [path]
     assert path.stat().st_mode & 0o777 == 0o600
@@ -51,7 +51,7 @@ def test_a_link_is_never_followed(tmp_path: Path) -> None:
     path.with_suffix(f".{os.getpid()}.tmp").symlink_to(victim)
     with pytest.raises(UnreadableError, match="cannot be read"):
         state_file.read(path)
-    state_file.write(path, {"b": 2})
+    state_file.write(path, {"b": 2}, "it")
     assert victim.read_text() == '{"a": 1}'
     assert not path.is_symlink()
     assert state_file.read(path) == {"b": 2}
@@ -66,7 +66,7 @@ def test_a_pipe_and_a_folder_are_unreadable_at_once(tmp_path: Path) -> None:
 
 
 def test_another_users_file_is_no_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    state_file.write(tmp_path / "x.json", {"a": 1})
+    state_file.write(tmp_path / "x.json", {"a": 1}, "it")
     other = os.geteuid() + 1
     if os.geteuid() == 0:
         os.chown(tmp_path / "x.json", other, -1)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hardware_bridge.boards.lsc import encode_move
+from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.driver.bridge import Bridge
@@ -20,7 +20,7 @@ from hardware_bridge.errors import PositionUnknown, PrototypeError, TimeScaleErr
 from hardware_bridge.prototype_client.handshake import observer_path, read_handshake
 from hardware_bridge.prototype_client.observation import Observation, decode_observation
 from hardware_bridge.prototype_client.observer_client import ObserverClient
-from hardware_bridge.safety.supervisor_messages import Mode, Outcome
+from hardware_bridge.safety.supervisor_messages import Mode, MotionOutcome
 from hardware_bridge.safety.trajectory import Trajectory
 from hardware_bridge.virtual_prototype.boards.registry import emulate
 from hardware_bridge.virtual_prototype.main_loop import VirtualPrototype
@@ -65,7 +65,7 @@ def test_killing_the_prototype_is_a_lost_link_and_a_new_one_is_another_robot(sta
         assert handle.wait(20.0)
     result = handle.result()
     assert result is not None
-    assert result.outcome is Outcome.FAULT
+    assert result.outcome is MotionOutcome.FAULT
     start_prototype(time_scale=4.0)
     bridge.reset()
     assert bridge.snapshot().link_ok
@@ -104,7 +104,7 @@ def test_the_line_is_raw_and_outlives_its_clients(start_prototype: Callable) -> 
     running = start_prototype()
     for pulse in (1501, 1505, 1517, 1519):  # their low bytes hold a newline's, a return's and flow control's kin
         descriptor = os.open(running.link, os.O_RDWR | os.O_NOCTTY)
-        os.write(descriptor, encode_move([pulse] * 6, range(1, 7), 0x0D0A // 2))
+        os.write(descriptor, Lsc().encode_move([pulse] * 6, range(1, 7), 0x0D0A // 2))
         os.close(descriptor)
         want = MID_M + (pulse - 1500) * 1e-4
         wait_for(lambda want=want: np.allclose(running.body.lengths_m, want), f"{pulse} us")
@@ -150,7 +150,7 @@ def test_an_observers_client_comes_back_with_the_observer(start_prototype: Calla
 
 
 def test_a_body_that_falls_behind_says_so_once_each_time(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
-    prototype = VirtualPrototype(tmp_path / "prototype", StillBody(), load_calibration())
+    prototype = VirtualPrototype(tmp_path / "prototype", StillBody(), load_calibration(), emulate("lsc"))
     with contextlib.closing(prototype):
         for lag_s in (0.0, 3.0, 4.0, 1.0, 3.0, 0.0, 2.5):
             prototype._tell_lag(lag_s)
@@ -158,7 +158,7 @@ def test_a_body_that_falls_behind_says_so_once_each_time(tmp_path: Path, caplog:
 
 
 def test_observations_tell_how_late_orders_were_taken(tmp_path: Path) -> None:
-    prototype = VirtualPrototype(tmp_path / "prototype", StillBody(), load_calibration(), time_scale=50.0)
+    prototype = VirtualPrototype(tmp_path / "prototype", StillBody(), load_calibration(), emulate("lsc"), 50.0)
     seen: list[Observation] = []
     with contextlib.closing(prototype):
         client = ObserverClient(str(observer_path(tmp_path / "prototype")), seen.append)

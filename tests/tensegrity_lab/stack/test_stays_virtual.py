@@ -15,7 +15,7 @@ from pathlib import Path
 
 import pytest
 
-from hardware_bridge.boards.lsc import encode_battery_query
+from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.virtual_prototype.boards.lsc import EmulatedLsc
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_lab.stack.client import StackClient
@@ -25,7 +25,7 @@ from tests.tensegrity_robot.conftest import compiled, domain
 
 __all__ = ["compiled", "domain"]
 pytestmark = [pytest.mark.ros, pytest.mark.timeout(400)]
-QUERY = encode_battery_query()
+QUERY = Lsc().encode_query(()).data
 LIMIT_S = 120.0
 
 
@@ -41,7 +41,7 @@ class RealBoard:
         tty.setraw(self._far)
         self.port = os.ttyname(self._far)
         self.got = bytearray()
-        self._board = EmulatedLsc()
+        self._board = EmulatedLsc(9600)
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._listen, daemon=True)
         self._thread.start()

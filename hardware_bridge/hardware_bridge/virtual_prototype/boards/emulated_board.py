@@ -10,7 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections import deque
 
-from hardware_bridge.virtual_prototype.boards.pulse_outputs import Order, Outputs, Reset
+from hardware_bridge.virtual_prototype.boards.pulse_outputs import Order, Outputs
 
 BITS_PER_BYTE = 10
 
@@ -19,7 +19,7 @@ class EmulatedBoard(ABC):
     """A board as its makers describe it; each kind adds its own bytes and quirks.
 
     Attributes:
-        spec: the board, as `codecs.registry` names it.
+        spec: the board, as `boards.registry` names it.
         orders: what the outputs must do, with the robot time of each; whoever drives the outputs takes from the left.
         battery_mv: supply voltage in [mV], set by whoever models the supply.
     """
@@ -33,6 +33,7 @@ class EmulatedBoard(ABC):
         self._outputs = Outputs()
         self.orders: deque[tuple[float, Order]] = deque()
         self.battery_mv = 7400
+        self.forget()
 
     @property
     def waiting_bytes(self) -> int:
@@ -58,8 +59,8 @@ class EmulatedBoard(ABC):
     def reset(self, time_s: float) -> None:
         """The power fails for a moment: outputs off, half-received frames, bytes on the line and settings forgotten."""
         self._inbox.clear()
-        self.forget(time_s)
-        self.order(Reset(), time_s)
+        self.forget()
+        self.order(Order(dict.fromkeys(self._outputs.channels)), time_s)
 
     def order(self, order: Order, time_s: float) -> None:
         """Gives the outputs an order."""
@@ -76,8 +77,8 @@ class EmulatedBoard(ABC):
         """One byte is in; the reply to it."""
 
     @abstractmethod
-    def forget(self, time_s: float) -> None:
-        """Half-received frames and settings are gone."""
+    def forget(self) -> None:
+        """As after power-up: no half-received frame, no settings."""
 
     def pass_time(self, now_s: float) -> None:  # noqa: B027 - most boards do nothing by themselves
         """Whatever the board does by itself until `now_s`."""

@@ -18,7 +18,7 @@ from hardware_bridge.boards.lsc import (
     encode_battery_reply,
 )
 from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoard
-from hardware_bridge.virtual_prototype.boards.pulse_outputs import Off, Timed
+from hardware_bridge.virtual_prototype.boards.pulse_outputs import Order
 
 
 class EmulatedLsc(EmulatedBoard):
@@ -26,23 +26,19 @@ class EmulatedLsc(EmulatedBoard):
 
     spec = "lsc"
 
-    def __init__(self, baud: int = 9600) -> None:
-        super().__init__(baud)
-        self._decoder = FrameDecoder()
-
     def take(self, byte: int, time_s: float) -> bytes:
         """See `EmulatedBoard`."""
         return b"".join(self._obey(frame, time_s) for frame in self._decoder.feed(bytes((byte,))))
 
-    def forget(self, time_s: float) -> None:
+    def forget(self) -> None:
         """See `EmulatedBoard`."""
         self._decoder = FrameDecoder()
 
     def _obey(self, frame: Frame, time_s: float) -> bytes:
         if (move := decode_move(frame)) is not None:
-            self.order(Timed(move.channels, move.pulses_us, move.duration_ms * 1e-3), time_s)
+            self.order(Order(dict(zip(move.channels, move.pulses_us, strict=True)), move.duration_ms * 1e-3), time_s)
         elif (channels := decode_unload(frame)) is not None:
-            self.order(Off(channels), time_s)
+            self.order(Order(dict.fromkeys(channels)), time_s)
         elif frame == Frame(CMD_BATTERY, b""):
             return encode_battery_reply(self.battery_mv)
         return b""

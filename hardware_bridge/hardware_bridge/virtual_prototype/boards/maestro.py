@@ -17,7 +17,7 @@ from dataclasses import dataclass
 
 from hardware_bridge.boards import maestro as m
 from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoard
-from hardware_bridge.virtual_prototype.boards.pulse_outputs import Off, Paced
+from hardware_bridge.virtual_prototype.boards.pulse_outputs import Order
 
 PROTOCOL_BIT = m.ERRORS.index("serial protocol")
 CRC_BIT = m.ERRORS.index("serial CRC")
@@ -25,7 +25,7 @@ TIMEOUT_BIT = m.ERRORS.index("serial time-out")
 
 _DATA_BYTES = {
     m.SET_TARGET: 3, m.SET_SPEED: 3, m.SET_ACCELERATION: 3,
-    m.GET_POSITION: 1, m.GET_MOVING: 0, m.GET_ERRORS: 0, m.GO_HOME: 0, m.STOP_SCRIPT: 0,
+    m.MINI_SSC: 2, m.GET_POSITION: 1, m.GET_MOVING: 0, m.GET_ERRORS: 0, m.GO_HOME: 0, m.STOP_SCRIPT: 0,
 }  # fmt: skip
 _MINI_SSC_US = (1023.75, 1976.25)
 
@@ -37,12 +37,10 @@ class ControlCenter:
     Attributes:
         home_us: where an error sends the channels: a pulse in [us]; 0: off; None: nowhere ("Ignore").
         timeout_s: serial time-out in [s]; None: off, as delivered.
-        channels: number of channels: 6, 12, 18 or 24.
     """
 
     home_us: float | None = None
     timeout_s: float | None = None
-    channels: int = 24
 
 
 class EmulatedMaestro(EmulatedBoard):
@@ -53,11 +51,6 @@ class EmulatedMaestro(EmulatedBoard):
         self.spec = board.spec
         self._board = board
         self._settings = ControlCenter() if settings is None else settings
-        self._packet = bytearray()
-        self._speeds = dict.fromkeys(range(self._settings.channels), 0)
-        self._targets_us: dict[int, float] = {}
-        self._heard_s: float | None = None
-        self.errors = 0
 
     def take(self, byte: int, time_s: float) -> bytes:
         """See `EmulatedBoard`."""
@@ -73,12 +66,12 @@ class EmulatedMaestro(EmulatedBoard):
             packet.append(byte)
         return self._try(time_s)
 
-    def forget(self, time_s: float) -> None:
+    def forget(self) -> None:
         """See `EmulatedBoard`."""
-        self._packet.clear()
-        self._speeds = dict.fromkeys(self._speeds, 0)
-        self._targets_us.clear()
-        self._heard_s = None
+        self._packet = bytearray()
+        self._speeds = dict.fromkeys(range(m.CHANNELS), 0)
+        self._targets_us: dict[int, float] = {}
+        self._heard_s: float | None = None
         self.errors = 0
 
     def pass_time(self, now_s: float) -> None:
@@ -90,46 +83,40 @@ class EmulatedMaestro(EmulatedBoard):
 
     # ---- packets ----------------------------------------------------------------------------------------------------
 
-    def _command(self) -> tuple[int, int] | None:
-        """The command in the packet so far and where its data begin; None while it is not there."""
-        if self._packet[0] != m.POLOLU:
-            return self._packet[0], 1
-        return (self._packet[2] | 0x80, 3) if len(self._packet) >= 3 else None
-
-    def _size(self) -> int | None:
-        """Bytes that the packet must have without its CRC; None while that is not known; 0: there is no such command."""
-        found = self._command()
-        if found is None:
+    def _command(self) -> tuple[int, int, int] | None:
+        """The command in the packet so far, and where its data begin and end; None while that is not known; 0: there is no such."""
+        packet, at = self._packet, 1
+        if not packet:
             return None
-        command, at = found
-        if command == m.MINI_SSC:
-            return 3
+        command = packet[0]
+        if command == m.POLOLU:
+            if len(packet) < 3:
+                return None
+            command, at = packet[2] | 0x80, 3
+            if command == m.MINI_SSC:  # it has no form in this protocol
+                return command, at, 0
         if command == m.SET_MULTIPLE:
-            return at + 2 + 2 * self._packet[at] if len(self._packet) > at else None
-        return at + _DATA_BYTES[command] if command in _DATA_BYTES else 0
+            return (command, at, at + 2 + 2 * packet[at]) if len(packet) > at else None
+        return command, at, at + _DATA_BYTES[command] if command in _DATA_BYTES else 0
 
     def _try(self, time_s: float) -> bytes:
         """Obeys the packet if it is complete."""
-        if not self._packet or (size := self._size()) is None:
+        if (found := self._command()) is None:
             return b""
+        command, at, end = found
         packet = bytes(self._packet)
-        if size == 0:
-            self._packet.clear()
-            self._fail(PROTOCOL_BIT, time_s)
-            return b""
         with_crc = self._board.crc and packet[0] != m.MINI_SSC
-        if len(packet) < size + with_crc:
+        if len(packet) < end + with_crc:
             return b""
-        found = self._command()
-        assert found is not None
         self._packet.clear()
-        if with_crc and m.crc7(packet[:-1]) != packet[-1]:
+        if end == 0:
+            self._fail(PROTOCOL_BIT, time_s)
+        elif with_crc and m.crc7(packet[:-1]) != packet[-1]:
             self._fail(CRC_BIT, time_s)
-            return b""
-        if packet[0] == m.POLOLU and self._board.device is not None and packet[1] != self._board.device:
-            return b""  # for another one on the same line
-        self._heard_s = time_s
-        return self._obey(found[0], packet[found[1] : size], time_s)
+        elif packet[0] != m.POLOLU or self._board.device in (None, packet[1]):  # else for another one on the same line
+            self._heard_s = time_s
+            return self._obey(command, packet[at:end], time_s)
+        return b""
 
     def _obey(self, command: int, data: bytes, time_s: float) -> bytes:
         match command:
@@ -161,7 +148,7 @@ class EmulatedMaestro(EmulatedBoard):
             return
         if pulse_us == 0.0:
             self._targets_us.pop(channel, None)
-            self.order(Off((channel,)), time_s)
+            self.order(Order({channel: None}), time_s)
             return
         low, high = self._board.limits_us
         self._targets_us[channel] = min(max(pulse_us, low), high)
@@ -173,7 +160,10 @@ class EmulatedMaestro(EmulatedBoard):
             self._go(channel, time_s)
 
     def _go(self, channel: int, time_s: float) -> None:
-        self.order(Paced(channel, self._targets_us[channel], self._speeds[channel] * m.SPEED_UNIT_US_S), time_s)
+        target_us, speed_us_s = self._targets_us[channel], self._speeds[channel] * m.SPEED_UNIT_US_S
+        at_us = self.commanded_us(channel, time_s)
+        duration_s = abs(target_us - at_us) / speed_us_s if speed_us_s and at_us is not None else 0.0
+        self.order(Order({channel: target_us}, duration_s), time_s)
 
     # ---- errors -----------------------------------------------------------------------------------------------------
 

@@ -4,47 +4,21 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Timed:
-    """Channels that go straight to their pulses within a duration, and arrive together."""
+class Order:
+    """Outputs that go straight to their pulses, and arrive together.
 
-    channels: tuple[int, ...]
-    pulses_us: tuple[float, ...]
-    duration_s: float
+    Attributes:
+        pulses_us: of each channel, in [us]; None: it gives no pulse any more, lets go, and its next order jumps.
+        duration_s: how long they take; 0: at once.
+    """
 
-
-@dataclass(frozen=True)
-class Paced:
-    """A channel that goes to a pulse at a speed in [us/s]; 0: at once."""
-
-    channel: int
-    pulse_us: float
-    speed_us_s: float
-
-
-@dataclass(frozen=True)
-class Off:
-    """Channels that give no pulse any more: they let go, and their next order jumps."""
-
-    channels: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Freeze:
-    """A channel that stays at the pulse that it gives now."""
-
-    channel: int
-
-
-@dataclass(frozen=True)
-class Reset:
-    """All channels off: the board has lost its power for a moment."""
-
-
-Order = Timed | Paced | Off | Freeze | Reset
+    pulses_us: Mapping[int, float | None]
+    duration_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -69,28 +43,19 @@ class Outputs:
 
     def follow(self, order: Order, time_s: float) -> None:
         """Begins an order at robot time `time_s`."""
-        match order:
-            case Timed(channels, pulses_us, duration_s):
-                for channel, pulse_us in zip(channels, pulses_us, strict=True):
-                    self._begin(channel, pulse_us, time_s, duration_s)
-            case Paced(channel, pulse_us, speed_us_s):
-                at_us = self.pulse_us(channel, time_s)
-                duration_s = abs(pulse_us - at_us) / speed_us_s if speed_us_s > 0 else 0.0
-                self._begin(channel, pulse_us, time_s, duration_s)
-            case Off(channels):
-                for channel in channels:
-                    self._ramps.pop(channel, None)
-            case Freeze(channel):
-                if channel in self._ramps:
-                    self._begin(channel, self.pulse_us(channel, time_s), time_s, 0.0)
-            case Reset():
-                self._ramps.clear()
+        for channel, pulse_us in order.pulses_us.items():
+            at_us = self.pulse_us(channel, time_s)
+            if pulse_us is None:
+                self._ramps.pop(channel, None)
+            elif math.isnan(at_us):
+                self._ramps[channel] = _Ramp(pulse_us, pulse_us, time_s, 0.0)
+            else:
+                self._ramps[channel] = _Ramp(at_us, pulse_us, time_s, order.duration_s)
 
-    def _begin(self, channel: int, pulse_us: float, time_s: float, duration_s: float) -> None:
-        at_us = self.pulse_us(channel, time_s)
-        if math.isnan(at_us):
-            at_us, duration_s = pulse_us, 0.0
-        self._ramps[channel] = _Ramp(at_us, pulse_us, time_s, duration_s)
+    @property
+    def channels(self) -> tuple[int, ...]:
+        """Those that give a pulse."""
+        return tuple(self._ramps)
 
     def pulse_us(self, channel: int, time_s: float) -> float:
         """Pulse of a channel at robot time `time_s`; NaN while it gives none."""

@@ -14,13 +14,7 @@ from hardware_bridge.virtual_prototype.boards.ssc32 import EmulatedSsc32
 def emulate(spec: str, baud: int | None = None, settings: ControlCenter | None = None) -> EmulatedBoard:
     """The board that `spec` names (see `hardware_bridge.boards.registry`), at a rate; None: its usual one.
 
-    Args:
-        spec: kind of the board.
-        baud: its rate; None: its usual one.
-        settings: of a Maestro; the others have none.
-
-    Raises:
-        ParameterError: no such board.
+    `settings` are a Maestro's; the others have none. Raises ParameterError: no such board.
     """
     board = parse_board(spec)
     rate = board.quirks.usual_baud if baud is None else baud

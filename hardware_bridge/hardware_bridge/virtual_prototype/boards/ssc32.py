@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from hardware_bridge.boards import ssc32
 from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoard
-from hardware_bridge.virtual_prototype.boards.pulse_outputs import Freeze, Off, Timed
+from hardware_bridge.virtual_prototype.boards.pulse_outputs import Order
 
 
 class EmulatedSsc32(EmulatedBoard):
@@ -20,19 +20,14 @@ class EmulatedSsc32(EmulatedBoard):
 
     spec = "ssc32"
 
-    def __init__(self, baud: int = 115200) -> None:
-        super().__init__(baud)
-        self._decoder = ssc32.LineDecoder()
-        self._offsets_us: dict[int, int] = {}
-
     def take(self, byte: int, time_s: float) -> bytes:
         """See `EmulatedBoard`."""
         return b"".join(self._obey(command, time_s) for command in self._decoder.feed(bytes((byte,))))
 
-    def forget(self, time_s: float) -> None:
+    def forget(self) -> None:
         """See `EmulatedBoard`."""
         self._decoder = ssc32.LineDecoder()
-        self._offsets_us.clear()
+        self._offsets_us: dict[int, int] = {}
 
     def _obey(self, command: ssc32.Command, time_s: float) -> bytes:
         match command:
@@ -41,7 +36,9 @@ class EmulatedSsc32(EmulatedBoard):
             case ssc32.Offset(channel, offset_us):
                 self._offsets_us[channel] = offset_us
             case ssc32.Stop(channel):
-                self.order(Freeze(channel), time_s)
+                at_us = self.commanded_us(channel, time_s)
+                if at_us is not None:
+                    self.order(Order({channel: at_us}), time_s)
             case ssc32.AskMoving():
                 return b"+" if self._outputs.is_moving(time_s) else b"."
             case ssc32.AskPulses(channels):
@@ -49,22 +46,17 @@ class EmulatedSsc32(EmulatedBoard):
         return b""
 
     def _move(self, group: ssc32.Group, time_s: float) -> None:
-        off = tuple(target.channel for target in group.targets if target.pulse_us is None)
-        if off:
-            self.order(Off(off), time_s)
-        pulses_us = {
-            target.channel: target.pulse_us + self._offsets_us.get(target.channel, 0)
-            for target in group.targets
-            if target.pulse_us is not None
-        }
-        if not pulses_us:
-            return
+        pulses_us: dict[int, float | None] = {}
         duration_s = (group.duration_ms or 0) * 1e-3  # all stop together, and none is faster than its own speed
         for target in group.targets:
-            at_us = self.commanded_us(target.channel, time_s)
-            if target.speed_us_s and at_us is not None and target.pulse_us is not None:
-                duration_s = max(duration_s, abs(pulses_us[target.channel] - at_us) / target.speed_us_s)
-        self.order(Timed(tuple(pulses_us), tuple(pulses_us.values()), duration_s), time_s)
+            channel, at_us = target.channel, self.commanded_us(target.channel, time_s)
+            if target.pulse_us is None:
+                pulses_us[channel] = None
+                continue
+            pulse_us = pulses_us[channel] = target.pulse_us + self._offsets_us.get(channel, 0)
+            if target.speed_us_s and at_us is not None:
+                duration_s = max(duration_s, abs(pulse_us - at_us) / target.speed_us_s)
+        self.order(Order(pulses_us, duration_s), time_s)
 
     def _asked_us(self, channel: int, time_s: float) -> float | None:
         pulse_us = self.commanded_us(channel, time_s)

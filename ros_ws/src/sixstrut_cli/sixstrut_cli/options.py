@@ -12,7 +12,7 @@ from typing import Annotated
 
 import typer
 
-from hardware_bridge.boards.names import SERVO_BOARD
+from hardware_bridge.boards.registry import SERVO_BOARD
 
 MOST_PERTURBATION = 0.3
 """`sim_core.uncertainty.seeded_perturbation.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""

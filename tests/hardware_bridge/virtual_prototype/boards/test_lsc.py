@@ -3,23 +3,23 @@ from __future__ import annotations
 
 import pytest
 
-from hardware_bridge.boards.lsc import CMD_UNLOAD, encode_frame, encode_move
+from hardware_bridge.boards.lsc import CMD_UNLOAD, Lsc, encode_frame
 from hardware_bridge.virtual_prototype.boards.lsc import EmulatedLsc
-from hardware_bridge.virtual_prototype.boards.pulse_outputs import Off, Order, Timed
+from hardware_bridge.virtual_prototype.boards.pulse_outputs import Order
 
-MOVE = encode_move([1600] * 6, range(1, 7), 500)
-OBEYED = Timed((1, 2, 3, 4, 5, 6), (1600,) * 6, 0.5)
+MOVE = Lsc().encode_move([1600] * 6, range(1, 7), 500)
+OBEYED = Order(dict.fromkeys(range(1, 7), 1600), 0.5)
 
 
 def orders_of(data: bytes) -> list[Order]:
-    board = EmulatedLsc()
+    board = EmulatedLsc(9600)
     board.receive(data, 0.0)
     board.process(1e9)
     return [order for _, order in board.orders]
 
 
 def test_an_unload_lets_go() -> None:
-    assert orders_of(encode_frame(CMD_UNLOAD, bytes((2, 1, 2)))) == [Off((1, 2))]
+    assert orders_of(encode_frame(CMD_UNLOAD, bytes((2, 1, 2)))) == [Order({1: None, 2: None})]
 
 
 @pytest.mark.parametrize(

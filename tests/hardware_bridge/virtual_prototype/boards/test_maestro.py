@@ -122,7 +122,7 @@ def test_a_wrong_crc_is_an_error_and_the_packet_is_lost() -> None:
     assert bench.errors() == ("serial CRC",)
 
 
-@pytest.mark.parametrize("nonsense", [b"\x00", b"\xb0", b"\x84\x7f\x00\x2e", b"\xaa\x0c\x30"])
+@pytest.mark.parametrize("nonsense", [b"\x00", b"\xb0", b"\x84\x7f\x00\x2e", b"\xaa\x0c\x30", b"\xaa\x0c\x7f"])
 def test_nonsense_is_a_protocol_error(nonsense: bytes) -> None:
     bench = Bench(Maestro())
     bench.send(nonsense)

@@ -11,7 +11,7 @@ class Bench:
     """A board on a table: lines in, replies and pulses out."""
 
     def __init__(self) -> None:
-        self.board = EmulatedSsc32()
+        self.board = EmulatedSsc32(115200)
         self.outputs = Outputs()
         self.now_s = 0.0
 

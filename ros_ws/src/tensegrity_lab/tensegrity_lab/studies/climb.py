@@ -10,8 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hardware_bridge.virtual_prototype.body import SimulatedBody
-from hardware_bridge.virtual_prototype.loaded_body import ActuatedBody
+from hardware_bridge.virtual_prototype.body import ActuatedBody, SimulatedBody
 from sim_core.dynamics.actuators import ActuatorParameters
 from sim_core.gaits.climb_limits import Climbs
 from sim_core.gaits.library import Gait, Library, gait_of

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
-from hardware_bridge.boards.names import SERVO_BOARD
+from hardware_bridge.boards.registry import SERVO_BOARD
 from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.limits import Limits, Pacing

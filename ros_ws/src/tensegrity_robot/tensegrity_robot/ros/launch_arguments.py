@@ -9,8 +9,7 @@ import os
 from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
-from hardware_bridge.boards.names import SERVO_BOARD
-from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.boards.registry import SERVO_BOARD, parse_board
 from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.recording.session_bag import bag_folder

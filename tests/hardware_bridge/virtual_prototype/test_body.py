@@ -8,8 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hardware_bridge.virtual_prototype.body import SimulatedBody
-from hardware_bridge.virtual_prototype.loaded_body import ActuatedBody
+from hardware_bridge.virtual_prototype.body import ActuatedBody, SimulatedBody
 from sim_core.dynamics.actuators import ActuatorParameters, load_actuators
 
 STAND_IN = load_actuators()
