@@ -113,9 +113,11 @@ def bridge_at(lab: Rig, port: str, calibration: Path) -> Iterator[None]:
     operator = lab.operator
     operator.bridge = None
     bridge = lab.processes.node("hardware_bridge", port=port, calibration=str(calibration))
-    bridge.says("DISARMED, nothing moves")
-    wait_until(lambda: operator.bridge is not None and operator.bridge.port == port, 30.0, "the bridge at the other port")
-    expect(operator.bridge.state == BridgeState.DISARMED, "it is not disarmed")
-    yield
-    bridge.signal(signal.SIGINT)
-    bridge.ends()
+    try:
+        bridge.says("DISARMED, nothing moves")
+        wait_until(lambda: operator.bridge is not None and operator.bridge.port == port, 30.0, "the bridge at the other port")
+        expect(operator.bridge.state == BridgeState.DISARMED, "it is not disarmed")
+        yield
+    finally:
+        bridge.signal(signal.SIGINT)
+        bridge.ends()
