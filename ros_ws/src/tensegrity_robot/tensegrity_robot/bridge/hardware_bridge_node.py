@@ -30,8 +30,8 @@ from hardware_bridge.safety.supervisor_messages import Mode
 from hardware_bridge.safety.trajectory import Trajectory
 from sim_core.errors import SimError
 from tensegrity_interfaces.msg import TwinState
-from tensegrity_robot.bridge import bridge_diagnostics, bridge_messages
-from tensegrity_robot.bridge.bridge_diagnostics import LogFacts
+from tensegrity_robot.bridge import bridge_messages
+from tensegrity_robot.bridge.bridge_diagnostics import STALE, Part, diagnostics, parts_of
 from tensegrity_robot.bridge.bridge_parameters import BridgeParameters, rules_of, session_files
 from tensegrity_robot.bridge.motion_action import MotionServer
 from tensegrity_robot.bridge.observer import Observing
@@ -41,21 +41,11 @@ from tensegrity_robot.bridge.preconditions import MotionConditions
 from tensegrity_robot.bridge.recorded_topics import RecordedTopics
 from tensegrity_robot.bridge.services import BridgeCalls
 from tensegrity_robot.bridge.shape_judge import ShapeRule
-from tensegrity_robot.bridge.trial_service import serve_trial_log
 from tensegrity_robot.ros import conversions
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_parameters import declare_parameters
 from tensegrity_robot.ros.node_process import End, run
-from tensegrity_robot.ros.topics import (
-    ASKED,
-    BRIDGE_FACE,
-    BRIDGE_JOINT_STATES,
-    BRIDGE_STATE,
-    DIAGNOSTICS,
-    STRUTS_SENT,
-    TOPICS,
-    TWIN_STATE,
-)
+from tensegrity_robot.ros.topics import BRIDGE_FACE, BRIDGE_JOINT_STATES, BRIDGE_STATE, DIAGNOSTICS, STRUTS_SENT, TOPICS, TWIN_STATE
 
 FEEDBACK_PERIOD_S = 0.1
 STATE_PERIOD_S = 0.5
@@ -101,8 +91,8 @@ class HardwareBridgeNode(LifecycleNode):
         self._hinted = False
         self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._make_topics()
-        self._motions = MotionServer(self, self.ready, self._permit, lambda asked: self._topics.publish(self._asked, asked))
-        self._calls = BridgeCalls(self, self)
+        self._motions = MotionServer(self, self._topics)
+        self._calls = BridgeCalls(self, self._topics)
         self.create_timer(FEEDBACK_PERIOD_S, self._motions.attend, clock=self._steady)
         self.create_timer(STATE_PERIOD_S, self._publish_state, clock=self._steady)
         self.create_timer(1.0, self._each_second, clock=self._steady)
@@ -115,7 +105,6 @@ class HardwareBridgeNode(LifecycleNode):
     def _make_topics(self) -> None:
         self._topics = topics = RecordedTopics(self)
         self._others = OtherBridges(self)
-        self._asked = topics.publisher(ASKED)
         self._sent = topics.publisher(STRUTS_SENT)
         self._face = topics.publisher(BRIDGE_FACE)
         self._state = topics.publisher(BRIDGE_STATE)
@@ -126,7 +115,6 @@ class HardwareBridgeNode(LifecycleNode):
             if topic.told_by == "others":
                 wanted = {"wanted": self._follows_this_stream} if topic == TWIN_STATE else {}
                 topics.record(topic, **wanted)
-        serve_trial_log(self, topics)
 
     # ---- life -------------------------------------------------------------------------------------------------------
 
@@ -304,13 +292,13 @@ class HardwareBridgeNode(LifecycleNode):
     # ---- what the bridge tells, from its own threads, in order --------------------------------------------------------
 
     def _on_bridge_sent(self, event: SentEvent) -> None:
-        header = Header(stamp=conversions.stamp(event.wall_ns), frame_id=self._settings.frame)
+        header = Header(stamp=conversions.stamp_of(event.wall_ns), frame_id=self._settings.frame)
         self._topics.publish(self._sent, bridge_messages.struts_sent(event, header))
         self._topics.publish(self._joint_states, conversions.joint_states(header.stamp, np.array(event.lengths_m)))
         self._observing.heard(event)
 
     def _on_bridge_face(self, event: FaceEvent) -> None:
-        header = Header(stamp=conversions.stamp(event.wall_ns), frame_id=self._settings.frame)
+        header = Header(stamp=conversions.stamp_of(event.wall_ns), frame_id=self._settings.frame)
         self._topics.publish(self._face, bridge_messages.face_observation(event, header))
 
     def _on_bridge_state(self, snapshot: Snapshot) -> None:
@@ -346,7 +334,7 @@ class HardwareBridgeNode(LifecycleNode):
         conditions.require_armable()
         return self._observing.unknown_lengths_m(snapshot)
 
-    def _permit(self, trajectory: Trajectory, library_hash: str) -> None:
+    def permit(self, trajectory: Trajectory, library_hash: str) -> None:
         """Raises Refused: this motion must not begin now, and why."""
         self.ready()
         if self._conditions is not None:
@@ -396,19 +384,13 @@ class HardwareBridgeNode(LifecycleNode):
             self.get_logger().error(f"the motion is held: {held_for}")
 
     def _publish_diagnostics(self) -> None:
-        told = self._topics.log
-        watch = None if self._conditions is None else self._conditions.watch
-        log = None
-        if told is not None and watch is not None:
-            log = LogFacts(
-                str(told.path), told.messages, told.most_waiting, watch.free_mb, watch.trouble, sum(self._topics.dropped.values())
-            )
-        snapshot = None if self._bridge is None else self._bridge.snapshot()
+        port, parts = "", [Part("link", STALE, self._hint)]
+        if self._bridge is not None:
+            snapshot, watch = self._bridge.snapshot(), self._conditions.watch if self._conditions is not None else None
+            dropped = sum(self._topics.dropped.values())
+            port, parts = snapshot.port, parts_of(snapshot, self._topics.log, watch, dropped, self._observing)
         stamp = self.get_clock().now().to_msg()
-        stalled = "" if snapshot is None else self._observing.stalled(snapshot)
-        there = self._observing.there
-        told_now = bridge_diagnostics.diagnostics(self.get_name(), snapshot, log, there, stalled, self._hint, stamp)
-        self._topics.publish(self._diagnostics, told_now)
+        self._topics.publish(self._diagnostics, diagnostics(self.get_name(), port, parts, stamp))
 
 
 def main(args: list[str] | None = None) -> int:
