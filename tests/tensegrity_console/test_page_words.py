@@ -47,10 +47,10 @@ def test_there_is_a_button_for_what_others_type(page, words, shown):
 
 
 def test_one_line_tells_what_the_robot_does_now(page):
-    assert told(page, state="DISARMED") == "not armed: the struts hold"
+    assert told(page, state="DISARMED") == "not armed: nothing moves"
     assert told(page, state="HOMING") == "homing: every strut goes to mid stroke"
     assert told(page, state="ARMED", holder="console") == "armed for console"
-    assert told(page, roll={"phase": "actuating", "progress": 0.5, "face": "TC6"}) == "rolling: actuating"
+    assert told(page, roll={"phase": "actuating", "progress": 0.5, "face": "TC6"}) == "roll: actuating"
     assert told(page, roll=None, state="FAULT", reason="stop pressed") == "stop pressed; Reset leaves this"
     assert told(page, alive=False) == "no bridge is heard"
 

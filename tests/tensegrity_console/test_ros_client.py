@@ -9,7 +9,7 @@ import pytest
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from tensegrity_console.web.state import Selection, document_of
+from tensegrity_console.web.state import Selection, document_of, json_of
 
 pytestmark = pytest.mark.ros
 WAIT_S = 20.0
@@ -74,7 +74,7 @@ def test_what_anybody_may_publish_neither_blinds_nor_fools_a_page(ros_side, oper
     assert "\x1b" not in facts.reason + facts.holder
     assert len(facts.reason) <= 300
     assert len(facts.holder) <= 64
-    json.dumps(document_of(facts, Selection(), 0.0), allow_nan=False)
+    json_of(document_of(facts, Selection(), 0.0))
 
 
 class Losing:

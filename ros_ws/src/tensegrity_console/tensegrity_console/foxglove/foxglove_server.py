@@ -8,20 +8,16 @@ look and stop, and with `commands` also send goals, arm, disarm and reset. No le
 from __future__ import annotations
 
 import asyncio
-import os
 import signal
 import threading
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import rclpy
 from geometry_msgs.msg import PoseStamped
-from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
@@ -36,7 +32,7 @@ from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.ros_thread import Spinner
 from tensegrity_robot.ros import qos
 from tensegrity_robot.ros.cdr import wire_bytes
-from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.node_process import own_context
 
 GOAL = "goal_pose"
 STOP, STOP_AGAIN_S = "stop", 0.25
@@ -103,15 +99,13 @@ class FoxgloveServer:
     """
 
     def __init__(self, port: int, commands: bool, token: str, origins: tuple[str, ...] = ()):
-        os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self._schemas = ShareSchemas()
         self._lock = threading.Lock()
         self._joined: set[str] = set()
         self._offered: dict[str, _Offered] = {}
         self._unknown: set[str] = set()
         self._heard: dict[str, Subscription] = {}
-        self._context = Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._context = own_context()
         self._node = Node("foxglove", context=self._context)
         asking = Node("foxglove_calls", context=self._context)
         self._goal_topic = self._node.resolve_topic_name(GOAL)
@@ -121,7 +115,7 @@ class FoxgloveServer:
         try:
             self._hub = Hub(port, token, origins, services, commands, Told(self._looked, self._published))
         except ConsoleError as error:
-            rclpy.try_shutdown(context=self._context)
+            self._context.try_shutdown()
             raise StackError(str(error)) from error
         self.url = self._hub.url
         self._node.create_timer(DISCOVER_S, self._discover)
@@ -133,7 +127,7 @@ class FoxgloveServer:
         self._hub.close()
         for spinner in self._spinners:
             spinner.close()
-        rclpy.try_shutdown(context=self._context)
+        self._context.try_shutdown()
 
     # ---- topics -----------------------------------------------------------------------------------------------------
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from tensegrity_lab.failures.rig import Rig, scratch
 from tensegrity_lab.failures.scenario import Evidence, Scenario
 from tensegrity_lab.failures.table import RUNNING_ORDER, scenario
 from tensegrity_lab.stack.ros_domain import private_domain
-from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.discovery import set_discovery
 
 
 @dataclass(frozen=True)
@@ -49,7 +48,7 @@ def run(
     """
     with private_domain(domain) as own, scratch() as folder:
         say(own.words)
-        os.environ.update(discovery_changes(os.environ, loopback_profile()))  # the operator is a node of this process
+        set_discovery()  # the operator is a node of this process
         lab = Rig(Path(folder), own.number, own.locks)
         try:
             for number in RUNNING_ORDER:

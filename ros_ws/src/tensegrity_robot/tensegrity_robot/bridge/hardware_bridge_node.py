@@ -13,8 +13,6 @@ import traceback
 from pathlib import Path
 
 import numpy as np
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
@@ -44,7 +42,7 @@ from tensegrity_robot.bridge.shape_judge import ShapeRule
 from tensegrity_robot.ros import conversions
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_parameters import declare_parameters
-from tensegrity_robot.ros.node_process import End, run
+from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
 from tensegrity_robot.ros.topics import BRIDGE_FACE, BRIDGE_JOINT_STATES, BRIDGE_STATE, DIAGNOSTICS, STRUTS_SENT, TOPICS, TWIN_STATE
 
 FEEDBACK_PERIOD_S = 0.1
@@ -65,7 +63,7 @@ NAMELESS = (
 class HardwareBridgeNode(LifecycleNode):
     """See the module."""
 
-    def __init__(self, end: End):
+    def __init__(self, end: EndProcess):
         self._host = HostProcess(COMMAND, self._on_host_end)
         try:
             self._make(end)
@@ -73,7 +71,7 @@ class HardwareBridgeNode(LifecycleNode):
             self._host.close()
             raise
 
-    def _make(self, end: End) -> None:
+    def _make(self, end: EndProcess) -> None:
         super().__init__("hardware_bridge")
         self._end = end
         self._settings = p = declare_parameters(self, BridgeParameters)
@@ -89,13 +87,12 @@ class HardwareBridgeNode(LifecycleNode):
         self._rested_s = p.rested_s
         self._hint = f"unconfigured: ros2 lifecycle set {self.get_fully_qualified_name()} configure"
         self._hinted = False
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._make_topics()
         self._motions = MotionServer(self, self._topics)
         self._calls = BridgeCalls(self, self._topics)
-        self.create_timer(FEEDBACK_PERIOD_S, self._motions.attend, clock=self._steady)
-        self.create_timer(STATE_PERIOD_S, self._publish_state, clock=self._steady)
-        self.create_timer(1.0, self._each_second, clock=self._steady)
+        self.create_timer(FEEDBACK_PERIOD_S, self._motions.attend, clock=STEADY)
+        self.create_timer(STATE_PERIOD_S, self._publish_state, clock=STEADY)
+        self.create_timer(1.0, self._each_second, clock=STEADY)
         if p.autostart:
             failure = self._autostart()
             if failure is not None:

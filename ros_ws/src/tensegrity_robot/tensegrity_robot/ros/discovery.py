@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -34,8 +35,9 @@ def discovery_changes(environ: Mapping[str, str], profile: Path) -> dict[str, st
     return changes | {PROFILES: str(profile), RANGE: "SYSTEM_DEFAULT"}
 
 
-def loopback_profile() -> Path:
-    """The installed profile."""
+def set_discovery() -> None:
+    """Change this process's environment so; to be called before rclpy's start."""
     from ament_index_python.packages import get_package_share_directory
 
-    return Path(get_package_share_directory("tensegrity_robot")) / "config" / "loopback.xml"
+    profile = Path(get_package_share_directory("tensegrity_robot")) / "config" / "loopback.xml"
+    os.environ.update(discovery_changes(os.environ, profile))
