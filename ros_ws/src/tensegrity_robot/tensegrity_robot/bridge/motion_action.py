@@ -31,7 +31,6 @@ class MotionServer:
     def __init__(self, node: HardwareBridgeNode, topics: RecordedTopics):
         self._node = node
         self._topics = topics
-        self._asked = topics.publisher(ASKED)
         bound_goals()
         self._motions: list[tuple[ServerGoalHandle, RemoteBridge, MotionHandle, Future]] = []
         self._server = ActionServer(node, ExecuteStruts, "execute_struts", self._execute, cancel_callback=self._on_cancel)
@@ -81,7 +80,7 @@ class MotionServer:
             self._node.get_logger().warning(f"motion refused: {error}")
             goal.abort()
             return ExecuteStruts.Result(reason=str(error), length_m=lengths_m)
-        self._topics.publish(self._asked, request.trajectory)
+        self._topics.publish(ASKED, request.trajectory)
         if goal.is_cancel_requested:
             motion.cancel("cancelled by its commander")
         done: Future = Future()

@@ -89,7 +89,6 @@ class Observing:
         self._node = node
         self._topics = topics
         self._frame = frame
-        self._observed = topics.publisher(OBSERVED_JOINTS)
         self._news = ObservationFilter()
         self._client: ObserverClient | None = None
         self._bridge: RemoteBridge | None = None
@@ -162,7 +161,7 @@ class Observing:
         if time.monotonic() - self._published_s >= OBSERVED_PERIOD_S:
             self._published_s = time.monotonic()
             header = Header(stamp=self._node.get_clock().now().to_msg(), frame_id=self._frame)
-            self._topics.publish(self._observed, bridge_messages.observed_joints(observation, header))
+            self._topics.publish(OBSERVED_JOINTS, bridge_messages.observed_joints(observation, header))
 
     def _on_observer(self, there: bool) -> None:
         self.there = there

@@ -27,7 +27,6 @@ class BridgeCalls:
     def __init__(self, node: HardwareBridgeNode, topics: RecordedTopics):
         self._node = node
         self._topics = topics
-        self._trials = topics.publisher(TRIAL)
         self._lease = ""
         self._verifier: Verifier | None = None
         self._serve(Disarm, "bridge/disarm", self._disarm)
@@ -95,7 +94,7 @@ class BridgeCalls:
         log = self._topics.log
         if log is None or log.path is None:
             raise Refused("the bridge does not record: start it with record:=true")
-        self._topics.publish(self._trials, request.record)
+        self._topics.publish(TRIAL, request.record)
         await elsewhere(self._node, log.sync, "sync the bag")
         return f"in {log.path}"
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import concurrent.futures
 import math
-import sys
 import time
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -37,10 +36,9 @@ from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, Law
 from sim_core.uncertainty.seeded_perturbation import MAX_SCALE
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
-from tensegrity_robot.planner.face_graph_service import serve_face_graph
 from tensegrity_robot.planner.lease_client import CALL_TIMEOUT_S, Lease
 from tensegrity_robot.planner.rehearsal_worker import Rehearser, Rehearsing, rehearsal_message
-from tensegrity_robot.planner.rehearse_service import serve_rehearse, wanted_gait
+from tensegrity_robot.planner.services import serve_face_graph, serve_rehearse, wanted_gait
 from tensegrity_robot.ros import qos, topics
 from tensegrity_robot.ros.event_filters import EventTimes
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
@@ -281,20 +279,16 @@ class GaitPlannerNode(Node):
             self._roll = None
 
     def _plan(self, request: Roll.Goal, source: str) -> Plan:
-        """The gait from the face known now. Raises RollRefused, naming what is valid."""
+        """The gait from the face known now. Raises SimError, naming what is valid."""
         roll = self._roll
         assert roll is not None
-        try:
-            require_adjacent(request.source_face or source, request.target_face)
-            if request.source_face and request.source_face != source:
-                raise RollRefused(
-                    f"the robot is known to stand on {source}, not on {request.source_face}: leave source_face empty, or say "
-                    "where it stands with set_face"
-                )
-            gait = wanted_gait(self._graph, source, request.target_face, request.primitive)
-        except SimError as error:
-            raise RollRefused(str(error)) from error
-        roll.gait = gait
+        require_adjacent(request.source_face or source, request.target_face)
+        if request.source_face and request.source_face != source:
+            raise RollRefused(
+                f"the robot is known to stand on {source}, not on {request.source_face}: leave source_face empty, or say where it "
+                "stands with set_face"
+            )
+        roll.gait = gait = wanted_gait(self._graph, source, request.target_face, request.primitive)
         return Plan(source, request.target_face, _lengths(lengths_of(self._prototype, gait.policy)))
 
     def _result(self, roll: _Running, outcome: Outcome) -> Roll.Result:
@@ -369,7 +363,7 @@ class GaitPlannerNode(Node):
         else:
             try:
                 step = roll.sequence.look(self._view())
-            except RollRefused as error:
+            except SimError as error:
                 self._end_with(roll, str(error))
                 return
             if isinstance(step, Outcome):
@@ -387,11 +381,11 @@ class GaitPlannerNode(Node):
                 if self._rehearsed(roll, view):
                     roll.begun = True
                     self._do(roll.sequence.begin(view))
-            except RollRefused as error:
+            except SimError as error:
                 self._end_with(roll, str(error))
 
     def _rehearsed(self, roll: _Running, view: View) -> bool:
-        """Whether the rehearsal of a roll is over, or not wanted. Raises RollRefused: the roll cannot be, or is too unlikely."""
+        """Whether the rehearsal of a roll is over, or not wanted. Raises SimError: the roll cannot be, or is too unlikely."""
         if self._rehearser is None or not math.isnan(roll.probability):
             return True
         if roll.rehearsal is None:
@@ -451,12 +445,8 @@ class GaitPlannerNode(Node):
         self._struts.send_goal_async(goal).add_done_callback(lambda future: self._on_motion_answer(roll, future))
 
     def _trajectory(self, knots: tuple[Knot, ...]) -> JointTrajectory:
-        points = [
-            JointTrajectoryPoint(
-                positions=list(knot.lengths_m), time_from_start=Duration(nanoseconds=round(knot.time_s * 1e9)).to_msg()
-            )
-            for knot in knots
-        ]
+        after = lambda time_s: Duration(nanoseconds=round(time_s * 1e9)).to_msg()  # noqa: E731
+        points = [JointTrajectoryPoint(positions=list(knot.lengths_m), time_from_start=after(knot.time_s)) for knot in knots]
         return JointTrajectory(header=Header(stamp=self.get_clock().now().to_msg()), joint_names=STRUT_NAMES, points=points)
 
     def _on_motion_answer(self, roll: _Running, future: Future) -> None:
@@ -503,7 +493,3 @@ def _lengths(values: Any) -> Lengths:
 def main(args: list[str] | None = None) -> int:
     """The executable `gait_planner`."""
     return run(GaitPlannerNode, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

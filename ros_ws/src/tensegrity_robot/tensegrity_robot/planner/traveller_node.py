@@ -7,7 +7,6 @@ It asks the planner for every roll and never the bridge for a motion: what the p
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -408,7 +407,3 @@ def _pose(stance: Stance) -> Pose:
 def main(args: list[str] | None = None) -> int:
     """The executable `traveller`."""
     return run(TravellerNode, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

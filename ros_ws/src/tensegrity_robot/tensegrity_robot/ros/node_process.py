@@ -12,14 +12,13 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Protocol, cast
+from typing import Any
 
 import rclpy
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from sim_core.errors import SimError
@@ -31,19 +30,6 @@ EndProcess = Callable[[int], None]
 
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 """Of timers that a simulated or corrected clock must not stop."""
-
-
-class RunnableNode(Protocol):
-    """What `run` needs of a node beside being one."""
-
-    def halt(self) -> None:
-        """Stop whatever moves, at once. Called while callbacks may still run, from another thread."""
-
-    def close(self) -> None:
-        """Let go of files, ports and threads. No callback runs any more."""
-
-    def destroy_node(self) -> None:
-        """As rclpy's."""
 
 
 def age_s() -> float:
@@ -61,11 +47,12 @@ def own_context(domain: int | None = None) -> Context:
     return context
 
 
-def run(make_node: Callable[[EndProcess], RunnableNode], args: list[str] | None = None) -> int:
+def run(make_node: Callable[[EndProcess], Any], args: list[str] | None = None) -> int:
     """Make the node, spin it on a single-threaded executor until SIGINT, SIGTERM or `EndProcess`, end it; return the exit code.
 
     The executor has a thread of its own; the main thread only waits for the end. A signal therefore interrupts no callback, and a
-    second one disturbs no clean-up.
+    second one disturbs no clean-up. Beside rclpy's own methods the node has `halt`, which stops whatever moves at once, while
+    callbacks may still run, and `close`, which lets go of files, ports and threads when none runs any more.
     """
     set_discovery()
     ends: SimpleQueue[int] = SimpleQueue()  # its put may be called from a signal handler
@@ -79,7 +66,7 @@ def run(make_node: Callable[[EndProcess], RunnableNode], args: list[str] | None 
         rclpy.try_shutdown()
         return 1
     executor = SingleThreadedExecutor()
-    executor.add_node(cast(Node, node))
+    executor.add_node(node)
 
     def spin() -> None:
         try:

@@ -8,7 +8,6 @@ at the model.
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections import deque
@@ -221,12 +220,12 @@ class TwinNode(Node):
     # ---- publishing -------------------------------------------------------------------------------------------------
 
     @property
-    def _robot(self) -> Robot:
-        return self._follower.robot if self._alone is None else self._alone.robot
+    def _now(self) -> Follower | StandAlone:
+        return self._alone or self._follower
 
     @property
-    def _robot_time_ns(self) -> int:
-        return self._follower.robot_time_ns if self._alone is None else self._alone.robot_time_ns
+    def _robot(self) -> Robot:
+        return self._now.robot
 
     def _header(self) -> Header:
         return Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
@@ -268,7 +267,7 @@ class TwinNode(Node):
 
     def _state_message(self, header: Header) -> TwinState:
         message = conversions.twin_state(self._robot, header)
-        message.robot_time_ns = self._robot_time_ns
+        message.robot_time_ns = self._now.robot_time_ns
         message.face = self._robot.footing().face or ""
         message.at_rest = self._at_rest
         if self._alone is None:
@@ -278,7 +277,7 @@ class TwinNode(Node):
             message.step, message.first_seq, message.last_seq = follower.step, follower.first_seq, follower.last_seq
             message.detail = self._detail(follower.resets)
         else:
-            message.step = self._alone.robot.step
+            message.step = self._robot.step
             message.detail = f"stand-alone, {self._alone.skipped_s:.3f} s skipped"
         return message
 
@@ -298,7 +297,7 @@ class TwinNode(Node):
         self._face.publish(
             FaceObservation(
                 header=self._header(),
-                robot_time_ns=self._robot_time_ns,
+                robot_time_ns=self._now.robot_time_ns,
                 face=now[0],
                 source=FaceObservation.SOURCE_PREDICTED,
                 settled=self._at_rest,
@@ -320,7 +319,3 @@ def _arrival(message: StrutsSent | FaceObservation) -> Arrival:
 def main(args: list[str] | None = None) -> int:
     """The executable `twin`."""
     return run(TwinNode, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())
