@@ -52,8 +52,7 @@ MOST_HEADER = 16 * 1024
 def chosen_token(file: Path | None) -> str:
     """The secret of a file, of the environment, or a new one; the environment's is taken out of it, for it is no child's.
 
-    Raises:
-        ConsoleError: it is short, or others may read or change the file.
+    Raises ConsoleError: it is short, or others may read or change the file.
     """
     given = os.environ.pop(TOKEN_VARIABLE, "")
     where = f"the environment's {TOKEN_VARIABLE}"
@@ -162,11 +161,7 @@ class Guarded(tornado.web.RequestHandler):
 
 
 class GuardedSocket(tornado.websocket.WebSocketHandler, Guarded):
-    """A WebSocket for who is let in; one that does not read what it is sent is let go.
-
-    Attributes:
-        unsent: bytes that wait for it.
-    """
+    """A WebSocket for who is let in; one that does not read what it is sent is let go. `unsent`: bytes that wait for it."""
 
     unsent = 0
 
@@ -204,8 +199,7 @@ class _Elsewhere(Guarded):
 def listening(routes: list[Any], gate: Gate, host: str, port: int) -> tuple[tornado.httpserver.HTTPServer, int]:
     """A server for these routes, in this thread's loop, and its port. `port`: 0: any free one.
 
-    Raises:
-        ConsoleError: the port is taken, or no such address is here.
+    Raises ConsoleError: the port is taken, or no such address is here.
     """
     application = tornado.web.Application(
         routes,

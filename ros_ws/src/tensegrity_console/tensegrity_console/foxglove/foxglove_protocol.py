@@ -173,14 +173,7 @@ class Hub:
         looks: told a topic that an app begins to look at, in the server's thread.
         published: (topic, type, encoding, bytes) -> why it was not taken, or ""; in the server's thread.
 
-    Raises:
-        ConsoleError: the port is taken.
-
-    Attributes:
-        port: where it listens.
-        channels: number -> as apps are told.
-        services: number -> service.
-        apps: those that are connected.
+    Raises ConsoleError: the port is taken.
     """
 
     def __init__(

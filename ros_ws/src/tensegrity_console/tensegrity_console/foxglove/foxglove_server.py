@@ -85,11 +85,7 @@ class FoxgloveServer:
         token: what the address holds.
         origins: of web pages that may connect, beside Foxglove's own app.
 
-    Raises:
-        StackError: the port is taken.
-
-    Attributes:
-        url: to connect to.
+    Raises StackError: the port is taken. `url`: where apps connect.
     """
 
     def __init__(self, port: int, commands: bool, token: str, origins: tuple[str, ...] = ()):

@@ -31,11 +31,7 @@ SCENE_S = 0.05
 
 
 class Orders:
-    """What a page may ask for, checked; everything else is refused with a word.
-
-    Attributes:
-        pages: number -> page, of those that are open.
-    """
+    """What a page may ask for, checked; everything else is refused with a word. `pages`: those that are open, by number."""
 
     def __init__(self, ros: Any):
         self.pages: dict[str, Page] = {}
@@ -124,17 +120,13 @@ def _place(value: Any) -> tuple[float, float] | None:
 
 
 def serve(host: str, port: int, token: str, ready: Callable[[str], None]) -> None:
-    """Run the console until SIGINT or SIGTERM.
+    """Run the console until SIGINT or SIGTERM. Raises ConsoleError: the port is taken.
 
     Args:
         host: address to listen at.
         port: 0: any free one.
         token: secret that the page's address carries.
         ready: told the address to open.
-
-    Raises:
-        ConsoleError: the port is taken.
-        SimError: the nominal robot cannot be settled.
     """
     ended = threading.Event()
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}

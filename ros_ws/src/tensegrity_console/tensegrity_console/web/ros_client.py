@@ -48,14 +48,10 @@ MOST_PLACES, MOST_ROLLS, MOST_PARTS = 13, 500, 50
 
 
 class RosSide:
-    """Two nodes in a context of their own: one for the stop alone, one for all else. Methods may be called from any thread.
-
-    Attributes:
-        facts: newest of everything; read it, do not change it.
-    """
+    """Two nodes in a context of their own: one for the stop alone, one for all else. Methods may be called from any thread."""
 
     def __init__(self) -> None:
-        self.facts = Facts()
+        self.facts = Facts()  # to be read, not changed
         self._context = own_context()
         self._node = node = Node("console", context=self._context)
         self._live = LiveBridge(node.get_logger().warning)

@@ -68,11 +68,7 @@ class _Chosen:
 
 
 class Scene:
-    """What is drawn. `update` is called from one thread.
-
-    Attributes:
-        path: of the socket where viser listens.
-    """
+    """What is drawn. `update` is called from one thread. `path`: of the socket where viser listens."""
 
     def __init__(self, ground: Ground):
         """Raises ConsoleError: viser cannot be started."""

@@ -170,18 +170,10 @@ class _SceneSocket(GuardedSocket):
 
 
 class Server:
-    """Made, and run, in one thread.
-
-    Attributes:
-        links: the pages that are connected, by number.
-        orders: carries out what they ask for.
-        clicked: told of a page's click.
-        scene: path of viser's socket.
-        url: where a person opens it.
-    """
+    """Made, and run, in one thread. `links`: the pages that are connected, by number; `url`: where a person opens it."""
 
     def __init__(self, host: str, port: int, token: str, scene: Path, orders: Orders, clicked: Callable[[Page, Click], None]):
-        """Listen. `port`: 0: any free one. Raises ConsoleError: the port is taken, or no such address is here."""
+        """Listen; raises ConsoleError as `listening`. `scene`: viser's socket. `clicked`: told of a page's click."""
         import viser
 
         self.links: dict[str, _Link] = {}

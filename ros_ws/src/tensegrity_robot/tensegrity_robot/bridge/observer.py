@@ -78,11 +78,7 @@ class StillWatch:
 
 
 class Observing:
-    """Follows one observer at a time. Its callbacks come in the observer's own thread.
-
-    Attributes:
-        there: whether the observer is; None: none is expected.
-    """
+    """Follows one observer at a time. Its callbacks come in the observer's own thread."""
 
     def __init__(self, node: LifecycleNode, topics: RecordedTopics, frame: str, stall_limit_m: float):
         """Args: frame: of observed joints. stall_limit_m: see `stalled`."""
@@ -97,7 +93,7 @@ class Observing:
         self._stall_limit_m = stall_limit_m
         self._still = StillWatch()
         self._published_s = 0.0
-        self.there: bool | None = None
+        self.there: bool | None = None  # None: none is expected
 
     def begin(self, bridge: RemoteBridge, given: str) -> None:
         """Follow the observer that was given, else the virtual prototype's own, if there is one."""

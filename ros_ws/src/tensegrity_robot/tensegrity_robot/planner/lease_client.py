@@ -94,7 +94,6 @@ class Lease:
             self.held, self.session, self._holder, self._seen = answer.lease, answer.session, request.holder, False
             self._prover = Prover(answer.lease)
             self._prove_life()
-            answer.message = answer.message or "homing has begun; rolls are possible when bridge/state says ARMED"
             self._node.get_logger().info(f"armed for {request.holder}; homing")
         else:
             self._node.get_logger().warning(f"arm refused: {answer.message}")

@@ -18,11 +18,7 @@ def discovery_changes(environ: Mapping[str, str], profile: Path) -> dict[str, st
 
     Nothing asked for, or `LOCALHOST`: every socket on loopback, by the profile, which is only read in full where ROS leaves the
     range to it. `SUBNET` is the explicit choice of a wider network, static peers and a profile of the user's own are others:
-    they stay as they are.
-
-    Args:
-        environ: the environment as it is.
-        profile: config/loopback.xml.
+    they stay as they are. `profile`: config/loopback.xml.
     """
     # Fast DDS's shared memory holds locks that all its users wait for: a process killed at the wrong moment would leave the bridge
     # waiting for ever. Over UDP nobody's death concerns another.

@@ -41,7 +41,6 @@ const BUTTONS = { arm: "press Arm", reset: "press Reset", set_face: "choose it b
 function inWordsOfThePage(words) {
   return words
     .replace(/ros2 service call \S*?(disarm|arm|reset|set_face) [\w/]+(?: "\{[^"]*\}")?/g, (_, name) => BUTTONS[name])
-    .replace("rolls are possible when bridge/state says ARMED", "rolls are possible when it is ARMED")
     .replace("wait for ARMED in bridge/state", "wait for ARMED");
 }
 
