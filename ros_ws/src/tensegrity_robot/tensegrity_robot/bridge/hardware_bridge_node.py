@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The hardware bridge's node: a lifecycle node around a bridge, with the session's bag.
 
-Port and frame timer are in a process of their own, and so is the service `stop` (`bridge_process`): however long a message takes
+Port and frame timer are in a process of their own, and so is the service `stop` (`port_process`): however long a message takes
 to be read here, frames go out in time. One executor thread takes calls; observer and disk have threads of their own.
 """
 
