@@ -124,7 +124,9 @@ def _uses(sources: Path) -> list[Use]:
                 found.append(Use(told.name, told.type_name, owner, call["how"] != "subscribe"))
             elif (call["type"] or call["kind"]) in types:
                 how, type_name = call["action"] or call["service"], types[call["type"] or call["kind"]]
-                found.append(Use(call["name"] or call["called"], type_name, owner, how in ("_serve", "create_service", "ActionServer")))
+                found.append(
+                    Use(call["name"] or call["called"], type_name, owner, how in ("_serve", "create_service", "ActionServer"))
+                )
     return found
 
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import numpy as np
 from rclpy.lifecycle import LifecycleNode
@@ -103,7 +104,7 @@ class Observing:
         path = given or bridge.observer
         if path:
             self.there = False
-            self._client = ObserverClient(path, self._on_observation, self._on_observer)
+            self._client = ObserverClient(path, self._on_observation, partial(setattr, self, "there"))
 
     def end(self) -> None:
         """Leave the observer."""
@@ -158,6 +159,3 @@ class Observing:
             self._published_s = time.monotonic()
             header = Header(stamp=self._node.get_clock().now().to_msg(), frame_id=self._frame)
             self._topics.publish(OBSERVED_JOINTS, bridge_messages.observed_joints(observation, header))
-
-    def _on_observer(self, there: bool) -> None:
-        self.there = there
