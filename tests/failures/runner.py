@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from tensegrity_lab.stack.ros_domain import private_domain
-from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.discovery import set_discovery
 from tests.failures.rig import Rig, scratch
 from tests.failures.scenario import Evidence, Scenario
 from tests.failures.table import RUNNING_ORDER, scenario
@@ -49,7 +48,7 @@ def run(
     """
     with private_domain(domain) as own, scratch() as folder:
         say(own.words)
-        os.environ.update(discovery_changes(os.environ, loopback_profile()))  # the operator is a node of this process
+        set_discovery()  # the operator is a node of this process
         lab = Rig(Path(folder), own.number, own.locks)
         try:
             for number in RUNNING_ORDER:

@@ -26,16 +26,14 @@ NEIGHBOURS = ("TO5", "TO7", "TO9")
 def told():
     """Facts of an armed robot on TC6."""
     robot = Robot.resting_on(build_model(load_prototype()), "TC6")
-    gaits = [
-        {"target": face, "primitive": "p", "odds": 0.9, "successes": 20, "members": 24, "ends": [[face, 20]]} for face in NEIGHBOURS
-    ]
+    gaits = [{"target": face, "primitive": "p", "successes": 20, "members": 24, "ends": [[face, 20]]} for face in NEIGHBOURS]
     return Facts(
         joints_m=np.vstack([robot.joints_m(), robot.box_m()]),
         predicted="TC6",
         state="ARMED",
         link_ok=True,
         lengths_m=np.full(6, 0.234),
-        rehearsal={"source": "TC6", "ensemble": "", "seconds": 0.1, "gaits": gaits},
+        rehearsal={"source": "TC6", "gaits": gaits},
         trial={"question": "Does it stand?", "keys": KEYS, "panel": "the-newest", "done": 0, "total": 2, "phase": ""},
     )
 

@@ -132,12 +132,12 @@ def test_arming_needs_a_word_first(stage):
 
 def test_a_face_is_selected_foretold_and_rolled_to(stage):
     stage.page.click("#neighbours button[data-face=TO7]")
-    stage.shows("#foretold", "rehearsals rolled; they ended on TO7")
+    stage.shows("#foretold", "twins rolled; they ended on TO7")
     stage.picture("console.png")
     stage.page.click("#roll")
     stage.page.wait_for_selector("#progress:visible")
     stage.shows("#face", "TO7")
-    stage.shows("#phase", "roll ended well")
+    stage.shows("#phase", "the last roll ended well")
     stage.shows("#rollFrom", "from TO7")
 
 

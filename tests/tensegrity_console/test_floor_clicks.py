@@ -14,7 +14,7 @@ from sim_core.structure.parameters import load_prototype
 from sim_core.structure.topology import FACES, NEIGHBOURS
 from tensegrity_console.web.floor_clicks import Ground
 from tensegrity_console.web.scene import FULL_SCALE_N, ORANGE, PALE, tension_colors
-from tensegrity_console.web.state import Facts, Selection, document_of
+from tensegrity_console.web.state import Facts, Selection, document_of, json_of
 
 
 @pytest.fixture(scope="module")
@@ -64,11 +64,13 @@ def test_a_click_with_numbers_that_are_none_or_beyond_the_floor_selects_nothing(
 def test_no_number_that_is_none_is_told_to_a_page():
     nan, inf = math.nan, math.inf
     facts = Facts(
-        goal_m=(nan, inf), predicted="TC6", roll={"progress": nan}, rehearsal={"source": "TC6", "gaits": [{"odds": inf}]},
+        predicted="TC6", roll={"progress": nan}, rehearsal={"source": "TC6", "gaits": [{"successes": inf}]},
         strut_n=np.full(6, nan), duty_left_s=inf, trial={"done": nan},
     )  # fmt: skip
-    text = json.dumps(document_of(facts, Selection("", (nan, 0.0)), 0.0), allow_nan=False)
-    assert json.loads(text)["goal_m"] == [None, None]
+    text = json_of(document_of(facts, Selection("", (nan, inf)), 0.0))
+    assert "NaN" not in text
+    assert "Infinity" not in text
+    assert json.loads(text)["place_m"] == [None, None]
 
 
 def test_a_neighbour_shares_an_edge_with_the_face_stood_on(ground, facts):
@@ -98,7 +100,7 @@ def test_a_stance_tells_where_on_the_floor_the_robot_is(ground, facts):
 
 
 def test_what_the_page_is_told_is_json_even_before_anything_was_heard():
-    document = json.loads(json.dumps(document_of(Facts(), Selection(), 1.0)))
+    document = json.loads(json_of(document_of(Facts(), Selection(), 1.0)))
     assert document["alive"] is False
     assert document["face"] == ""
     assert document["duty_left_s"] is None
@@ -106,7 +108,7 @@ def test_what_the_page_is_told_is_json_even_before_anything_was_heard():
 
 
 def test_odds_of_a_face_left_behind_are_not_shown():
-    told = {"source": "TC6", "ensemble": "", "seconds": 0.1, "gaits": []}
+    told = {"source": "TC6", "gaits": []}
     assert document_of(Facts(predicted="TC6", rehearsal=told), Selection(), 0.0)["rehearsal"] == told
     assert document_of(Facts(predicted="TO5", rehearsal=told), Selection(), 0.0)["rehearsal"] is None
 

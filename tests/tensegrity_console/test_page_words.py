@@ -47,10 +47,10 @@ def test_there_is_a_button_for_what_others_type(page, words, shown):
 
 
 def test_one_line_tells_what_the_robot_does_now(page):
-    assert told(page, state="DISARMED") == "not armed: the struts hold"
+    assert told(page, state="DISARMED") == "not armed: nothing moves"
     assert told(page, state="HOMING") == "homing: every strut goes to mid stroke"
     assert told(page, state="ARMED", holder="console") == "armed for console"
-    assert told(page, roll={"phase": "actuating", "progress": 0.5, "face": "TC6"}) == "rolling: actuating"
+    assert told(page, roll={"phase": "actuating", "progress": 0.5, "face": "TC6"}) == "roll: actuating"
     assert told(page, roll=None, state="FAULT", reason="stop pressed") == "stop pressed; Reset leaves this"
     assert told(page, alive=False) == "no bridge is heard"
 
@@ -75,8 +75,44 @@ def test_a_good_answer_goes_when_the_state_moves_on_and_a_refusal_stays(page):
     assert page.inner_text("#told") == "refused: it is on no face"
 
 
+def test_what_is_over_is_not_told_any_more_though_the_state_is_as_before(page):
+    told(page, state="ARMED", roll=None, last="")
+    page.evaluate("tell('roll begins', 'good'); toldAt = 0")
+    told(page, state="ARMED", roll=None, last="roll failed: too unlikely")
+    assert page.inner_text("#told") == ""
+    assert page.inner_text("#troubles") == "the last roll failed: too unlikely"
+    told(page, last="roll ended well")
+    assert page.inner_text("#phase") == "the last roll ended well"
+
+
+def test_what_nobody_knows_is_not_told_as_a_number(page):
+    travel = {"phase": "looking where the robot is", "rolls": 0, "rolls_left": 0, "left_m": None, "odds": None}
+    told(page, alive=True, state="ARMED", travel=travel)
+    assert page.inner_text("#journey") == "roll 1: looking where the robot is"
+    told(page, travel=travel | {"left_m": 0.304, "rolls_left": 3, "odds": 0.95})
+    assert page.inner_text("#journey") == "roll 1: looking where the robot is, 30 cm left, 3 rolls planned, probability 95 %"
+
+
+def test_nothing_is_said_to_be_rehearsed_that_is_not(page):
+    told(page, travel=None, face="TC6", rehearsal=None, trial=None, unrehearsed="nobody offers rehearse")
+    assert page.inner_text("#foretold") == "nobody offers rehearse"
+    told(page, trial={"keys": [], "done": 0, "total": 2, "phase": "", "last": ""})
+    assert "nothing is rehearsed for this page" in page.inner_text("#foretold")
+
+
+def test_what_a_silent_bridge_said_before_is_not_told_as_if_it_were_so_now(page):
+    said = {"duty_left_s": 60.0, "battery_v": 7.4, "bag": "a.mcap", "source": "prototype", "face": "TC6"}
+    told(page, alive=True, diagnostics=[["duty", 1, "nearly spent"]], **said)
+    assert page.inner_text("#duty") == "60 s"
+    assert "nearly spent" in page.inner_text("#troubles")
+    told(page, alive=False)
+    assert [page.inner_text(f"#{part}") for part in ("link", "duty", "battery", "log")] == ["–"] * 4
+    assert page.inner_text("#faceSource").startswith("seen by prototype before the bridge fell silent")
+    assert "nearly spent" not in page.inner_text("#troubles")
+
+
 def test_a_stop_is_told_as_long_as_it_is_in_force(page):
-    told(page, state="ARMED")
+    told(page, alive=True, state="ARMED")
     page.evaluate("tell('stopped: in force 4 ms after the call', 'good'); toldAt = 0")
     told(page, state="FAULT")
     assert page.inner_text("#told") == "stopped: in force 4 ms after the call"

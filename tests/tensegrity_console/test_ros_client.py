@@ -9,7 +9,7 @@ import pytest
 from rclpy.task import Future
 from std_srvs.srv import Trigger
 
-from tensegrity_console.web.state import Selection, document_of
+from tensegrity_console.web.state import Selection, document_of, json_of
 
 pytestmark = pytest.mark.ros
 WAIT_S = 20.0
@@ -32,18 +32,16 @@ def test_what_anybody_may_publish_neither_blinds_nor_fools_a_page(ros_side, oper
 
     from tensegrity_interfaces.msg import BridgeState
     from tensegrity_lab.stack.processes import wait_until
-    from tensegrity_robot.ros import qos
+    from tensegrity_robot.ros import topics
 
-    def publisher(kind, topic, profile):
-        made = operator.node.create_publisher(kind, topic, profile)
-        wait_until(lambda: made.get_subscription_count() > 0, WAIT_S, f"the console at {topic}")
+    def publisher(topic):
+        made = topic.publisher(operator.node)
+        wait_until(lambda: made.get_subscription_count() > 0, WAIT_S, f"the console at {topic.name}")
         return made
 
     facts = ros_side.facts
-    state = publisher(BridgeState, "bridge/state", qos.LATCHED)
-    joints = publisher(PoseArray, "twin/joints", qos.STATES)
-    goal, way = publisher(PoseStamped, "travel/goal", qos.LATCHED), publisher(Path, "travel/path", qos.LATCHED)
-    panel = publisher(String, "trial/panel", qos.LATCHED)
+    state, joints, goal = (publisher(topic) for topic in (topics.BRIDGE_STATE, topics.TWIN_JOINTS, topics.TRAVEL_GOAL))
+    way, panel = publisher(topics.TRAVEL_PATH), publisher(topics.TRIAL_PANEL)
 
     joints.publish(PoseArray(poses=[Pose()] * 13))
     wait_until(lambda: len(facts.joints_m) == 13, WAIT_S, "the joints")
@@ -74,7 +72,7 @@ def test_what_anybody_may_publish_neither_blinds_nor_fools_a_page(ros_side, oper
     assert "\x1b" not in facts.reason + facts.holder
     assert len(facts.reason) <= 300
     assert len(facts.holder) <= 64
-    json.dumps(document_of(facts, Selection(), 0.0), allow_nan=False)
+    json_of(document_of(facts, Selection(), 0.0))
 
 
 class Losing:

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from tensegrity_lab.stack.processes import wait_until
-from tensegrity_robot.ros.discovery import PROFILES, RANGE, TRANSPORTS, discovery_changes, loopback_profile
+from tensegrity_robot.ros.discovery import PROFILES, RANGE, TRANSPORTS, discovery_changes, set_discovery
 
 PROFILE = Path(__file__)  # any file that exists
 
@@ -71,5 +71,9 @@ def test_a_wider_network_is_a_choice(processes):
     wait_until(lambda: "0.0.0.0" in addresses(node.pid), 10.0, "sockets on every interface")
 
 
-def test_the_profile_is_installed():
-    assert loopback_profile().exists()
+def test_the_profile_is_installed(monkeypatch):
+    for name in (PROFILES, RANGE, TRANSPORTS, "ROS_STATIC_PEERS"):
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
+    set_discovery()
+    assert Path(os.environ[PROFILES]).exists()

@@ -13,6 +13,8 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 
+from tensegrity_robot.ros.topics import TOPICS
+
 ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "ros_ws" / "src" / "tensegrity_robot"
 BAG = ROOT / "bags" / "example.mcap"
@@ -70,6 +72,10 @@ def test_every_recorded_message_has_a_stamp_and_a_place_its_frame(bag):
         )
         if markers or types[topic] in SPATIAL:
             assert {header.frame_id for header in headers} == {"odom"}, topic
+
+
+def test_viewers_ask_for_topics_that_there_are():
+    assert viewed_topics() <= {f"/{topic.name.removeprefix('/')}" for topic in TOPICS}
 
 
 def test_joint_states_name_their_struts_in_si(bag):

@@ -15,7 +15,7 @@ import re
 import secrets
 import socket
 import time
-from collections.abc import Callable
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 from urllib.parse import urlsplit
@@ -52,8 +52,7 @@ MOST_HEADER = 16 * 1024
 def chosen_token(file: Path | None) -> str:
     """The secret of a file, of the environment, or a new one; the environment's is taken out of it, for it is no child's.
 
-    Raises:
-        ConsoleError: it is short, or others may read or change the file.
+    Raises ConsoleError: it is short, or others may read or change the file.
     """
     given = os.environ.pop(TOKEN_VARIABLE, "")
     where = f"the environment's {TOKEN_VARIABLE}"
@@ -88,24 +87,19 @@ def refuse_on_command_line(value: str | None) -> None:
 # ---- who is let in --------------------------------------------------------------------------------------------------
 
 
-def own_page(origin: str, host: str) -> bool:
-    """Whether a page comes from this very server: same name, same port."""
-    return urlsplit(origin).netloc.lower() == host.lower()
-
-
 class Gate:
     """Judges requests.
 
     Args:
         token: the secret.
         loopback: whether only this machine's own names are called.
-        from_page: (origin, host) -> whether a page from there may connect. Programs that are no page tell no origin.
+        origins: of pages that may connect beside the server's own. Programs that are no page tell none.
     """
 
-    def __init__(self, token: str, loopback: bool, from_page: Callable[[str, str], bool] = own_page):
+    def __init__(self, token: str, loopback: bool, origins: Collection[str] = ()):
         self._token = token.encode()
         self._loopback = loopback
-        self._from_page = from_page
+        self._origins = origins
         self._wrong: dict[str, tuple[int, float]] = {}
         self._held = 0
 
@@ -115,8 +109,11 @@ class Gate:
         host = request.headers.get("Host", "")
         name = host.rsplit(":", 1)[0] if not host.endswith("]") else host
         called = not self._loopback or name.strip("[]").lower() in LOOPBACK
-        origins = request.headers.get_list("Origin")
-        return right and called and all(self._from_page(origin, host) for origin in origins)
+        return right and called and all(self._from_page(origin, host) for origin in request.headers.get_list("Origin"))
+
+    def _from_page(self, origin: str, host: str) -> bool:
+        """Whether a page may connect: one of this very server, same name, same port, or one of those that were named."""
+        return origin in self._origins or urlsplit(origin).netloc.lower() == host.lower()
 
     async def hold(self, remote: str) -> bool:
         """Wait before a refusal is told, the longer the more this address was refused; False: too many wait, cut it off."""
@@ -164,11 +161,7 @@ class Guarded(tornado.web.RequestHandler):
 
 
 class GuardedSocket(tornado.websocket.WebSocketHandler, Guarded):
-    """A WebSocket for who is let in; one that does not read what it is sent is let go.
-
-    Attributes:
-        unsent: bytes that wait for it.
-    """
+    """A WebSocket for who is let in; one that does not read what it is sent is let go. `unsent`: bytes that wait for it."""
 
     unsent = 0
 
@@ -206,8 +199,7 @@ class _Elsewhere(Guarded):
 def listening(routes: list[Any], gate: Gate, host: str, port: int) -> tuple[tornado.httpserver.HTTPServer, int]:
     """A server for these routes, in this thread's loop, and its port. `port`: 0: any free one.
 
-    Raises:
-        ConsoleError: the port is taken, or no such address is here.
+    Raises ConsoleError: the port is taken, or no such address is here.
     """
     application = tornado.web.Application(
         routes,

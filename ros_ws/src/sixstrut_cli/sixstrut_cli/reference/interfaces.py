@@ -32,9 +32,9 @@ _NODES = {
 }  # fmt: skip
 _CALL = re.compile(
     r"(?P<action>ActionServer|ActionClient)\(\s*(?:self|node),\s*(?P<type>\w+),\s*\"(?P<name>\w+)\""
-    r"|(?P<service>create_service|create_client)\((?P<kind>\w+), \"(?P<called>[\w/]+)\""
+    r"|(?P<service>_serve|create_service|create_client)\((?P<kind>\w+), \"(?P<called>[\w/]+)\""
     r"|(?P<topic>[A-Z_]{4,})\.(?P<how>publisher|subscribe)\("
-    r"|publisher\((?P<recorded>[A-Z_]{4,})\)"
+    r"|publish\((?P<recorded>[A-Z_]{4,}), "
 )
 """Every way in which a node's source offers or takes a name."""
 
@@ -124,7 +124,9 @@ def _uses(sources: Path) -> list[Use]:
                 found.append(Use(told.name, told.type_name, owner, call["how"] != "subscribe"))
             elif (call["type"] or call["kind"]) in types:
                 how, type_name = call["action"] or call["service"], types[call["type"] or call["kind"]]
-                found.append(Use(call["name"] or call["called"], type_name, owner, how in ("create_service", "ActionServer")))
+                found.append(
+                    Use(call["name"] or call["called"], type_name, owner, how in ("_serve", "create_service", "ActionServer"))
+                )
     return found
 
 

@@ -11,22 +11,19 @@ import asyncio
 import json
 import struct
 import threading
-from collections.abc import Awaitable, Callable
-from concurrent.futures import Future
-from dataclasses import dataclass
+from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from typing import Any, NamedTuple
 
-import tornado.ioloop
+import tornado.httpserver
 
 from hardware_bridge.recording.bag_quota import RateLimit
 from sim_core.printable import printable
-from tensegrity_console.access import LOOPBACK, MOST_UNSENT, Gate, GuardedSocket, address, listening, own_page
+from tensegrity_console.access import LOOPBACK, MOST_UNSENT, Gate, GuardedSocket, listening
+from tensegrity_lab.errors import ConsoleError
 
 ENCODING = "cdr"
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
 """The same thing under its new and its old name."""
-APPS = ("https://app.foxglove.dev", "file://")
-"""Origins of Foxglove's own app, in a browser and installed: they need the secret like everybody."""
 _MESSAGE, _ANSWER = 1, 3
 _PUBLISH, _CALL = 1, 2
 WARNING = 1
@@ -38,44 +35,23 @@ MOST_WATCHED, MOST_CALLS = 500, 8
 SAID_AT_ONCE, SAID_PER_S = 200, 50
 
 
-class Half(NamedTuple):
-    """Request or response of a service: type's name, and its definition."""
-
-    name: str
-    text: str
-
-    def document(self) -> dict[str, str]:
-        """As the protocol has it."""
-        return {"encoding": ENCODING, "schemaName": self.name, "schemaEncoding": "ros2msg", "schema": self.text}
-
-
-@dataclass(frozen=True)
-class Service:
+class Service(NamedTuple):
     """A service that apps may call.
 
     Attributes:
+        document: as apps are told, but for its number.
         call: bytes of the request -> bytes of the response; raises RuntimeError with words for a person.
         urgent: it is called whatever else an app has asked for.
     """
 
-    name: str
-    type_name: str
-    request: Half
-    response: Half
+    document: dict[str, Any]
     call: Callable[[bytes], Awaitable[bytes]]
-    urgent: bool = False
+    urgent: bool
 
 
-class Told(NamedTuple):
-    """What happens at apps; called in the server's thread.
-
-    Attributes:
-        looks: topic: an app begins to look at it.
-        published: (topic, type, encoding, bytes) -> why it was not taken, or "".
-    """
-
-    looks: Callable[[str], None]
-    published: Callable[[str, str, str, bytes], str]
+def schema(name: str, text: str) -> dict[str, str]:
+    """A type as apps are told. Args: text: its definition."""
+    return {"encoding": ENCODING, "schemaName": name, "schemaEncoding": "ros2msg", "schema": text}
 
 
 class _App(GuardedSocket):
@@ -101,9 +77,8 @@ class _App(GuardedSocket):
             return
         self.set_nodelay(True)
         self.hub.apps.add(self)
-        self.say(self.hub.info)
-        self.say(self.hub.services_document())
-        self.say({"op": "advertise", "channels": list(self.hub.channels.values())})
+        for document in (*self.hub.greeting, {"op": "advertise", "channels": list(self.hub.channels.values())}):
+            self.say(document)
 
     def on_close(self) -> None:
         self.hub.apps.discard(self)
@@ -146,22 +121,16 @@ class _App(GuardedSocket):
         elif len(self.watched) < MOST_WATCHED:
             self.watched[number] = channel
             self.hub.looked_at()
-            self.hub.told.looks(self.hub.channels[channel]["topic"])
+            self.hub.looks(self.hub.channels[channel]["topic"])
 
     def _take(self, data: bytes) -> None:
         if data[0] == _PUBLISH:
             (number,) = struct.unpack_from("<I", data, 1)
-            if self._pace.allows():
-                self._publish(number, data[5:])
+            if self._pace.allows() and (why_not := self.hub.published(*self._own.get(number, ("", "", "")), data[5:])):
+                self.complain(why_not)
         elif data[0] == _CALL:
             service, call, length = struct.unpack_from("<III", data, 1)
             self._call(service, call, data[13 + length :])
-
-    def _publish(self, number: int, data: bytes) -> None:
-        topic, schema, encoding = self._own.get(number, ("", "", ""))
-        why_not = self.hub.told.published(topic, schema, encoding, data)
-        if why_not:
-            self.complain(why_not)
 
     def _call(self, number: int, call: int, payload: bytes) -> None:
         service = self.hub.services.get(number)
@@ -198,86 +167,81 @@ class Hub:
 
     Args:
         port: TCP, of this machine; 0: any free one.
-        token: what the address holds.
-        origins: of web pages that may connect, beside Foxglove's own.
+        gate: who may connect.
+        services: that apps may call.
         publish: apps may publish.
+        looks: told a topic that an app begins to look at, in the server's thread.
+        published: (topic, type, encoding, bytes) -> why it was not taken, or ""; in the server's thread.
 
-    Raises:
-        ConsoleError: the port is taken.
-
-    Attributes:
-        url: to connect to.
-        channels: number -> as apps are told.
-        services: number -> service.
-        apps: those that are connected.
+    Raises ConsoleError: the port is taken.
     """
 
-    def __init__(self, port: int, token: str, origins: tuple[str, ...], services: list[Service], publish: bool, told: Told):
-        host = LOOPBACK[0]
-        self.told = told
+    def __init__(
+        self,
+        port: int,
+        gate: Gate,
+        services: Sequence[Service],
+        publish: bool,
+        looks: Callable[[str], None],
+        published: Callable[[str, str, str, bytes], str],
+    ):
+        self.looks, self.published = looks, published
         self.services = dict(enumerate(services, start=1))
         self.channels: dict[int, dict[str, Any]] = {}
         self.apps: set[_App] = set()
-        capabilities = ["services", *(["clientPublish"] if publish else [])]
-        self.info = {
-            "op": "serverInfo",
-            "name": "sixstrut",
-            "capabilities": capabilities,
-            "supportedEncodings": [ENCODING],
-            "metadata": {"ROS_DISTRO": "jazzy"},
-        }
+        self.greeting: tuple[dict[str, Any], ...] = (
+            {
+                "op": "serverInfo",
+                "name": "sixstrut",
+                "capabilities": ["services", *(["clientPublish"] if publish else [])],
+                "supportedEncodings": [ENCODING],
+                "metadata": {"ROS_DISTRO": "jazzy"},
+            },
+            {"op": "advertiseServices", "services": [{"id": n} | one.document for n, one in self.services.items()]},
+        )
         self._watched: frozenset[int] = frozenset()
         self._waiting, self._lock = 0, threading.Lock()
         self._loop = asyncio.new_event_loop()
-        let_in = {*APPS, *origins}
-        self._gate = Gate(token, True, lambda origin, called: origin in let_in or own_page(origin, called))
-        started: Future[int] = Future()
-        self._thread = threading.Thread(target=self._run, args=(host, port, started), name="foxglove", daemon=True)
+        self._thread = threading.Thread(target=self._loop.run_forever, name="foxglove", daemon=True)
         self._thread.start()
-        self.url = address("ws", host, started.result(), token)
-
-    def _run(self, host: str, port: int, started: Future[int]) -> None:
-        asyncio.set_event_loop(self._loop)
-        tornado.ioloop.IOLoop.current()
         try:
-            self._http, number = listening([(r"/(?P<token>[^/]+)/?", _App, {"hub": self})], self._gate, host, port)
-            started.set_result(number)
-        except Exception as error:
-            started.set_exception(error)
-        else:
-            self._loop.run_forever()
+            self._http, self.port = self._do(self._listen(gate, port))
+        except ConsoleError:
+            self._loop.call_soon_threadsafe(self._loop.stop)
+            raise
+
+    def _do(self, work: Coroutine[Any, Any, Any], limit_s: float | None = None) -> Any:
+        """In the server's thread."""
+        return asyncio.run_coroutine_threadsafe(work, self._loop).result(limit_s)
+
+    async def _listen(self, gate: Gate, port: int) -> tuple[tornado.httpserver.HTTPServer, int]:
+        return listening([(r"/(?P<token>[^/]+)/?", _App, {"hub": self})], gate, LOOPBACK[0], port)
+
+    async def _end(self) -> None:
+        self._http.stop()
+        for app in list(self.apps):
+            app.close(1001, "the server ends")
+        await self._http.close_all_connections()
 
     def close(self) -> None:
         """Let the apps go, and of the port."""
-
-        async def end() -> None:
-            self._http.stop()
-            for app in list(self.apps):
-                app.close(1001, "the server ends")
-            await self._http.close_all_connections()
-
-        asyncio.run_coroutine_threadsafe(end(), self._loop).result(5.0)
+        self._do(self._end(), 5.0)
         self._loop.call_soon_threadsafe(self._loop.stop)
         self._thread.join(5.0)
 
-    # ---- topics -----------------------------------------------------------------------------------------------------
-
-    def offer(self, topic: str, schema: Half) -> int:
-        """A topic that apps can look at, and its number."""
+    def offer(self, topic: str, of: dict[str, str]) -> int:
+        """A topic that apps can look at, and its number. Args: of: its schema."""
         number = len(self.channels) + 1
-        channel = {"id": number, "topic": topic} | schema.document()
-
-        def tell() -> None:
-            self.channels[number] = channel
-            for app in list(self.apps):
-                app.say({"op": "advertise", "channels": [channel]})
-
-        self.channels[number] = channel
-        self._loop.call_soon_threadsafe(tell)
+        self.channels[number] = {"id": number, "topic": topic} | of
+        self._loop.call_soon_threadsafe(self._advertise, number)
         return number
 
+    def _advertise(self, number: int) -> None:
+        for app in list(self.apps):
+            app.say({"op": "advertise", "channels": [self.channels[number]]})
+
     def watched(self, number: int) -> bool:
-        """Whether an app looks at it."""
+        """Whether an app looks at a topic."""
         return number in self._watched
 
     def looked_at(self) -> None:
@@ -299,21 +263,3 @@ class Hub:
             for subscription, channel in app.watched.items():
                 if channel == number and app.unsent <= MOST_DATA:
                     app.send(struct.pack("<BIQ", _MESSAGE, subscription, time_ns) + data)
-
-    # ---- services ---------------------------------------------------------------------------------------------------
-
-    def services_document(self) -> dict[str, Any]:
-        """As apps are told."""
-        return {
-            "op": "advertiseServices",
-            "services": [
-                {
-                    "id": number,
-                    "name": one.name,
-                    "type": one.type_name,
-                    "request": one.request.document(),
-                    "response": one.response.document(),
-                }
-                for number, one in self.services.items()
-            ],
-        }

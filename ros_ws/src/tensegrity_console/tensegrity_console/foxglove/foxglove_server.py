@@ -8,43 +8,38 @@ look and stop, and with `commands` also send goals, arm, disarm and reset. No le
 from __future__ import annotations
 
 import asyncio
-import os
-import signal
 import threading
 import time
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import rclpy
 from geometry_msgs.msg import PoseStamped
-from rclpy.context import Context
 from rclpy.node import Node
-from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from rclpy.subscription import Subscription
 from std_srvs.srv import Trigger
 
 from hardware_bridge.errors import SchemaError
 from hardware_bridge.recording.message_definitions import ShareSchemas
 from sim_core.printable import printable
-from tensegrity_console.foxglove.foxglove_protocol import ENCODING, Half, Hub, Service, Told
+from tensegrity_console.access import LOOPBACK, Gate, address
+from tensegrity_console.foxglove.foxglove_protocol import ENCODING, Hub, Service, schema
 from tensegrity_interfaces.srv import Arm, Disarm
 from tensegrity_lab.errors import ConsoleError, StackError
 from tensegrity_lab.stack.message_types import message_class
-from tensegrity_lab.stack.processes import Stack
+from tensegrity_lab.stack.processes import Stack, Uninterrupted
 from tensegrity_lab.stack.ros_thread import Spinner
-from tensegrity_robot.ros import qos
 from tensegrity_robot.ros.cdr import wire_bytes
-from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.node_process import own_context
+from tensegrity_robot.ros.topics import GOAL_POSE, LEASE
 
-GOAL = "goal_pose"
 STOP, STOP_AGAIN_S = "stop", 0.25
 COMMANDS: dict[str, Any] = {"reset": Trigger, "arm": Arm, "disarm": Disarm}
+APPS = ("https://app.foxglove.dev", "file://")
+"""Origins of Foxglove's own app, in a browser and installed: they need the secret like everybody."""
 HIDDEN = "/_"
 """Of an action's inner topics."""
-PROOFS = "tensegrity_interfaces/msg/LeaseProof"
-"""Whose business they are, the bridge knows; nobody needs to look."""
 MOST_TOPICS = 500
 DISCOVER_S = 0.5
 ATTEND_S = 0.1
@@ -61,27 +56,22 @@ def layout() -> Path:
     """The shipped layout for a live stack."""
     from ament_index_python.packages import get_package_share_directory
 
-    path = Path(get_package_share_directory("tensegrity_robot")) / "foxglove" / "tensegrity.json"
-    return path.resolve()
+    return (Path(get_package_share_directory("tensegrity_robot")) / "foxglove" / "tensegrity.json").resolve()
 
 
 def wait_for_end(processes: Stack | None) -> None:
     """Until SIGINT or SIGTERM. Raises StackError: a process of the stack died."""
-    ended = threading.Event()
-    before = {number: signal.signal(number, lambda *_: ended.set()) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        while not ended.wait(LOOK_S):
+    with Uninterrupted() as signals:
+        while not signals.interrupted:
             if processes is not None:
                 processes.require_alive()
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+            time.sleep(LOOK_S)
 
 
 class _Offered(NamedTuple):
-    """A topic that the app can see. `number`: of its channel."""
+    """A topic that apps can see."""
 
-    number: int
+    channel: int
     kind: Any
     latched: bool
 
@@ -95,35 +85,29 @@ class FoxgloveServer:
         token: what the address holds.
         origins: of web pages that may connect, beside Foxglove's own app.
 
-    Raises:
-        StackError: the port is taken.
-
-    Attributes:
-        url: to connect to.
+    Raises StackError: the port is taken. `url`: where apps connect.
     """
 
     def __init__(self, port: int, commands: bool, token: str, origins: tuple[str, ...] = ()):
-        os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self._schemas = ShareSchemas()
         self._lock = threading.Lock()
         self._joined: set[str] = set()
         self._offered: dict[str, _Offered] = {}
         self._unknown: set[str] = set()
         self._heard: dict[str, Subscription] = {}
-        self._context = Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._context = own_context()
         self._node = Node("foxglove", context=self._context)
         asking = Node("foxglove_calls", context=self._context)
-        self._goal_topic = self._node.resolve_topic_name(GOAL)
-        self._goal = self._node.create_publisher(PoseStamped, GOAL, qos.STATES) if commands else None
+        self._goal_topic = self._node.resolve_topic_name(GOAL_POSE.name)
+        self._goal = GOAL_POSE.publisher(self._node) if commands else None
         kinds = {STOP: Trigger, **(COMMANDS if commands else {})}
         services = [self._service(asking, name, kind) for name, kind in kinds.items()]
         try:
-            self._hub = Hub(port, token, origins, services, commands, Told(self._looked, self._published))
+            self._hub = Hub(port, Gate(token, True, (*APPS, *origins)), services, commands, self._looked, self._published)
         except ConsoleError as error:
-            rclpy.try_shutdown(context=self._context)
+            self._context.try_shutdown()
             raise StackError(str(error)) from error
-        self.url = self._hub.url
+        self.url = address("ws", LOOPBACK[0], self._hub.port, token)
         self._node.create_timer(DISCOVER_S, self._discover)
         self._node.create_timer(ATTEND_S, self._attend)
         self._spinners = [Spinner(self._node, self._context), Spinner(asking, self._context)]
@@ -133,7 +117,7 @@ class FoxgloveServer:
         self._hub.close()
         for spinner in self._spinners:
             spinner.close()
-        rclpy.try_shutdown(context=self._context)
+        self._context.try_shutdown()
 
     # ---- topics -----------------------------------------------------------------------------------------------------
 
@@ -141,7 +125,7 @@ class FoxgloveServer:
         """Offer what is new."""
         for topic, types in self._node.get_topic_names_and_types():
             known = topic in self._offered or topic in self._unknown or len(self._offered) + len(self._unknown) >= MOST_TOPICS
-            if not known and HIDDEN not in topic and types[0] != PROOFS:
+            if not known and HIDDEN not in topic and types[0] != LEASE.type_name:  # its proofs are the bridge's business
                 self._offer(topic, types[0])
 
     def _attend(self) -> None:
@@ -149,7 +133,7 @@ class FoxgloveServer:
         with self._lock:
             joined, self._joined = self._joined, set()
         for topic, offered in self._offered.items():
-            watched = self._hub.watched(offered.number)
+            watched = self._hub.watched(offered.channel)
             again = watched and offered.latched and topic in joined  # so that who looks later is told the last one, too
             if topic in self._heard and (again or not watched):
                 self._node.destroy_subscription(self._heard.pop(topic))
@@ -168,18 +152,15 @@ class FoxgloveServer:
             self._node.get_logger().warning(f"{topic} is not shown: {error}")
             return
         latched = all(each.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL for each in publishers)
-        self._offered[topic] = _Offered(self._hub.offer(topic, Half(type_name, text)), kind, latched)
+        self._offered[topic] = _Offered(self._hub.offer(topic, schema(type_name, text)), kind, latched)
 
     def _listen(self, topic: str, offered: _Offered) -> Subscription:
-        profile = QoSProfile(
-            history=HistoryPolicy.KEEP_LAST,
-            depth=DEPTH,
-            reliability=ReliabilityPolicy.RELIABLE if offered.latched else ReliabilityPolicy.BEST_EFFORT,
-            durability=DurabilityPolicy.TRANSIENT_LOCAL if offered.latched else DurabilityPolicy.VOLATILE,
-        )
+        profile = QoSProfile(depth=DEPTH, reliability=ReliabilityPolicy.BEST_EFFORT)
+        if offered.latched:
+            profile = QoSProfile(depth=DEPTH, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
         def tell(data: bytes) -> None:
-            self._hub.tell(offered.number, self._node.get_clock().now().nanoseconds, data)
+            self._hub.tell(offered.channel, self._node.get_clock().now().nanoseconds, data)
 
         return self._node.create_subscription(offered.kind, topic, tell, profile, raw=True)
 
@@ -193,8 +174,8 @@ class FoxgloveServer:
     def _service(self, node: Node, name: str, kind: Any) -> Service:
         client, full_name = node.create_client(kind, name), node.resolve_service_name(name)
         type_name = f"{kind.__module__.split('.')[0]}/srv/{kind.__name__}"
-        halves = zip(("Request", "Response"), self._schemas.service_texts(type_name), strict=True)
-        request, response = (Half(f"{type_name}_{half}", text) for half, text in halves)
+        texts = zip(("Request", "Response"), self._schemas.service_texts(type_name), strict=True)
+        halves = {half.lower(): schema(f"{type_name}_{half}", text) for half, text in texts}
         limit_s = ARM_LIMIT_S if kind is Arm else ANSWER_LIMIT_S
 
         async def call(payload: bytes) -> bytes:
@@ -206,24 +187,27 @@ class FoxgloveServer:
             empty = not kind.Request.get_fields_and_field_types()  # an app sends no byte for it, ROS expects one
             asked = kind.Request() if empty else deserialize_message(payload, kind.Request)
             again_s = STOP_AGAIN_S if name == STOP else limit_s
-            return _without_lease(await _answered(client, asked, full_name, limit_s, again_s))
+            response = await _answered(client, asked, full_name, limit_s, again_s)
+            if kind is Arm:
+                response.lease = ""  # the right to command goes to nobody out here
+            return wire_bytes(response)
 
-        return Service(full_name, type_name, request, response, call, urgent=name == STOP)
+        return Service({"name": full_name, "type": type_name} | halves, call, urgent=name == STOP)
 
     # ---- goals ------------------------------------------------------------------------------------------------------
 
-    def _published(self, topic: str, schema: str, encoding: str, data: bytes) -> str:
-        """A goal is passed on; the traveller judges it. Everything else is not taken. In the server's thread."""
-        why_not = self._goal_of(topic, schema.replace("/msg/", "/"), encoding, data)
+    def _published(self, topic: str, type_name: str, encoding: str, data: bytes) -> str:
+        """A goal is passed on; the traveller judges it. Everything else is not taken: why. In the server's thread."""
+        why_not = self._pass_on(topic, type_name.replace("/msg/", "/"), encoding, data)
         if why_not:
             self._node.get_logger().warning(why_not)
         return why_not
 
-    def _goal_of(self, topic: str, schema: str, encoding: str, data: bytes) -> str:
+    def _pass_on(self, topic: str, type_name: str, encoding: str, data: bytes) -> str:
         if self._goal is None or topic != self._goal_topic:
             return f"only goals on {self._goal_topic} are taken{'' if self._goal else ', with --commands'}; nothing was done"
-        if schema != "geometry_msgs/PoseStamped" or encoding != ENCODING:
-            return printable(f"{self._goal_topic} is geometry_msgs/PoseStamped in {ENCODING}, not {schema} in {encoding}")
+        if type_name != "geometry_msgs/PoseStamped" or encoding != ENCODING:
+            return printable(f"{self._goal_topic} is geometry_msgs/PoseStamped in {ENCODING}, not {type_name} in {encoding}")
         try:
             goal = deserialize_message(data, PoseStamped)
         except Exception as error:  # whatever a type support says of bytes that are no pose
@@ -240,9 +224,14 @@ async def _answered(client: Any, asked: Any, name: str, limit_s: float, again_s:
     answer: asyncio.Future[Any] = loop.create_future()
     futures: list[Any] = []
     end_s = loop.time() + limit_s
+
+    def settle(done: Any) -> None:
+        if not answer.done():
+            answer.set_result(done.result())
+
     while not answer.done() and (left_s := end_s - loop.time()) > 0.0:
         futures.append(client.call_async(asked))
-        futures[-1].add_done_callback(lambda done: loop.call_soon_threadsafe(_settle, answer, done))
+        futures[-1].add_done_callback(lambda done: loop.call_soon_threadsafe(settle, done))
         await asyncio.wait([answer], timeout=min(again_s, left_s))
     for future in futures:
         if not future.done():
@@ -250,15 +239,3 @@ async def _answered(client: Any, asked: Any, name: str, limit_s: float, again_s:
     if not answer.done():
         raise RuntimeError(f"{name} did not answer within {limit_s:g} s")
     return answer.result()
-
-
-def _settle(answer: asyncio.Future[Any], done: Any) -> None:
-    if not answer.done():
-        answer.set_result(done.result())
-
-
-def _without_lease(response: Any) -> bytes:
-    """The response in CDR; what gives the right to command goes to nobody out here."""
-    if hasattr(response, "lease"):
-        response.lease = ""
-    return wire_bytes(response)

@@ -24,11 +24,7 @@ PAGE: contextvars.ContextVar[str] = contextvars.ContextVar("PAGE", default="")
 class ViserInside(viser.ViserServer):
     """Listens at a socket file in a folder of this user alone, and never asks anybody outside for a tunnel.
 
-    Attributes:
-        path: the socket's.
-
-    Raises:
-        ConsoleError: there is no place for the socket, or this viser listens in another way.
+    `path`: the socket's. Raises ConsoleError: there is no place for it, or this viser listens in another way.
     """
 
     def __init__(self) -> None:

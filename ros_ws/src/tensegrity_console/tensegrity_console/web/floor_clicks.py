@@ -32,9 +32,9 @@ class Ground:
 
     def __init__(self, model: Model | None = None):
         """Settles a robot twice; takes some tenths of a second once the solver is compiled."""
-        self._model = model or build_model(load_prototype())
-        self._floor = Floor(self._model)
-        self._resting = cache(self._settled)
+        model = model or build_model(load_prototype())
+        self._floor = Floor(model)
+        self._heights_m = cache(lambda face: Robot.resting_on(model, face).joints_m()[:, 2])
 
     def stance(self, facts: Facts) -> Stance | None:
         """Where the robot stands; None: on no face that is known, or not heard of yet."""
@@ -44,11 +44,8 @@ class Ground:
 
     def neighbours(self, stance: Stance) -> list[Neighbour]:
         """The three faces that a roll may reach."""
-        found = []
-        for target in NEIGHBOURS[stance.face]:
-            there = self._floor.rolled(stance, target)
-            found.append(Neighbour(target, self._floor.joints_m(there)[list(FACES[target])]))
-        return found
+        there = {target: self._floor.joints_m(self._floor.rolled(stance, target)) for target in NEIGHBOURS[stance.face]}
+        return [Neighbour(target, joints_m[list(FACES[target])]) for target, joints_m in there.items()]
 
     def clicked(self, facts: Facts, origin: Array, direction: Array) -> Selection:
         """What a ray of sight meets on the floor: a neighbouring face, or a place. Above the horizon, and too far away: nothing."""
@@ -72,15 +69,7 @@ class Ground:
             there = self._floor.rolled(stance, end)
         else:
             return None
-        joints = self._resting(end)
-        own = self._floor.stance(end, joints)
-        turn = there.yaw_rad - own.yaw_rad
-        c, s = np.cos(turn), np.sin(turn)
-        flat = (joints[:, :2] - (own.x_m, own.y_m)) @ np.array([[c, s], [-s, c]]) + (there.x_m, there.y_m)
-        return np.column_stack([flat, joints[:, 2]])
-
-    def _settled(self, face: str) -> Array:
-        return Robot.resting_on(self._model, face).joints_m()
+        return np.column_stack([self._floor.joints_m(there), self._heights_m(end)])
 
 
 def _inside(point: Array, corners: Array) -> bool:

@@ -18,7 +18,7 @@ import tornado.ioloop
 from sim_core.printable import NAME_MOST, printable
 from sim_core.structure.topology import FACES
 from tensegrity_console.web.floor_clicks import FARTHEST_M, Ground
-from tensegrity_console.web.ros_client import RosSide
+from tensegrity_console.web.ros_client import Answer, RosSide
 from tensegrity_console.web.scene import Scene
 from tensegrity_console.web.state import Facts, Page, Selection, document_of
 from tensegrity_console.web.view_messages import Click
@@ -28,16 +28,10 @@ from tensegrity_lab.trials.remote_panel import KNOWN
 
 PAGE_S = 0.1
 SCENE_S = 0.05
-Answer = Callable[[bool, str], None]
-"""Told whether something was done, and in words how it went."""
 
 
 class Orders:
-    """What a page may ask for, checked; everything else is refused with a word.
-
-    Attributes:
-        pages: number -> page, of those that are open.
-    """
+    """What a page may ask for, checked; everything else is refused with a word. `pages`: those that are open, by number."""
 
     def __init__(self, ros: Any):
         self.pages: dict[str, Page] = {}
@@ -69,15 +63,12 @@ class Orders:
             if words:
                 answer({"answer": {"do": printable(what, NAME_MOST), "done": done, "words": printable(words)}})
 
-        plain = {"stop": self._ros.stop, "disarm": self._ros.disarm, "reset": self._ros.reset}
-        if what in plain:
-            plain[what](told)
+        if what in ("stop", "disarm", "reset", "cancel"):
+            getattr(self._ros, what)(told)
         elif what == "arm" and order.get("lifted_and_clear") is True:
             self._ros.arm(told)
         elif what == "arm":
             told(False, "somebody must say first that the robot is lifted and hands are clear")
-        elif what == "cancel":
-            self._ros.cancel(told)
         elif what in ("select", "roll", "face"):
             self._with_face(page, what, order, told)
         elif what == "travel":
@@ -129,17 +120,13 @@ def _place(value: Any) -> tuple[float, float] | None:
 
 
 def serve(host: str, port: int, token: str, ready: Callable[[str], None]) -> None:
-    """Run the console until SIGINT or SIGTERM.
+    """Run the console until SIGINT or SIGTERM. Raises ConsoleError: the port is taken.
 
     Args:
         host: address to listen at.
         port: 0: any free one.
         token: secret that the page's address carries.
         ready: told the address to open.
-
-    Raises:
-        ConsoleError: the port is taken.
-        SimError: the nominal robot cannot be settled.
     """
     ended = threading.Event()
     before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}

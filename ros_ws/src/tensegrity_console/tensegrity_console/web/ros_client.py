@@ -5,22 +5,19 @@ from __future__ import annotations
 
 import json
 import math
-import os
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray, PoseStamped
 from nav_msgs.msg import Path
 from rclpy.action import ActionClient
-from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
-from rclpy.signals import SignalHandlerOptions
 from std_msgs.msg import String
 from std_srvs.srv import Trigger
 
@@ -28,12 +25,12 @@ from sim_core.printable import NAME_MOST, printable
 from sim_core.twin.live_bridge import LiveBridge
 from tensegrity_console.web.state import NOWHERE, Facts, rehearsal_of
 from tensegrity_interfaces.action import Roll, Travel
-from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, TwinState
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, Rehearse, SetFace
 from tensegrity_lab.stack.ros_thread import Spinner
 from tensegrity_lab.trials.remote_panel import key_text
 from tensegrity_robot.ros import topics
-from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.node_process import own_context
 
 Answer = Callable[[bool, str], None]
 """Told once whether something was done, and in words how it went."""
@@ -51,31 +48,17 @@ MOST_PLACES, MOST_ROLLS, MOST_PARTS = 13, 500, 50
 
 
 class RosSide:
-    """Two nodes in a context of their own: one for the stop alone, one for all else. Methods may be called from any thread.
-
-    Attributes:
-        facts: newest of everything; read it, do not change it.
-    """
+    """Two nodes in a context of their own: one for the stop alone, one for all else. Methods may be called from any thread."""
 
     def __init__(self) -> None:
-        os.environ.update(discovery_changes(os.environ, loopback_profile()))
-        self.facts = Facts()
-        self._context = Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self.facts = Facts()  # to be read, not changed
+        self._context = own_context()
         self._node = node = Node("console", context=self._context)
-        subscribe = self._subscribe
-        self._live = live = LiveBridge(node.get_logger().warning)
-        subscribe(topics.BRIDGE_STATE, self._on_bridge)
-        subscribe(topics.BRIDGE_FACE, lambda face: live.takes(face, self._on_face))
-        subscribe(topics.TWIN_FACE, self._on_prediction)
-        subscribe(topics.TWIN_STATE, self._on_twin)
-        subscribe(topics.TWIN_JOINTS, self._on_joints)
-        subscribe(topics.OBSERVED_JOINTS, self._on_seen)
-        subscribe(topics.DIAGNOSTICS, self._on_diagnostics)
-        subscribe(topics.REHEARSAL, self._on_rehearsal)
-        subscribe(topics.TRAVEL_PATH, self._on_path)
-        subscribe(topics.TRAVEL_GOAL, self._on_goal)
-        subscribe(topics.TRIAL_PANEL, self._on_panel)
+        self._live = LiveBridge(node.get_logger().warning)
+        self._subscribe(topics.BRIDGE_STATE, self._on_bridge)
+        self._subscribe(topics.BRIDGE_FACE, lambda face: self._live.takes(face, self._on_face))
+        for topic, facts_of in KEPT:
+            self._subscribe(topic, partial(self._keep_of, facts_of))
         self._keys = topics.TRIAL_KEY.publisher(node)
         kinds = {"arm": Arm, "disarm": Disarm, "reset": Trigger, "set_face": SetFace, "rehearse": Rehearse}
         self._services: dict[str, Any] = {name: node.create_client(kind, name) for name, kind in kinds.items()}
@@ -95,7 +78,7 @@ class RosSide:
         """Leave ROS."""
         self._spinner.close()
         self._stopper.close()
-        rclpy.try_shutdown(context=self._context)
+        self._context.try_shutdown()
 
     def _subscribe(self, topic: topics.Topic, callback: Callable[[Any], None]) -> None:
         """Listen, but take nothing apart that is larger than such a message ever is: that would hold up the stop."""
@@ -108,57 +91,33 @@ class RosSide:
 
     # ---- what is heard ----------------------------------------------------------------------------------------------
 
+    def _keep(self, **facts: Any) -> None:
+        vars(self.facts).update(facts)
+
+    def _keep_of(self, facts_of: Callable[[Any], dict[str, Any]], message: Any) -> None:
+        self._keep(**facts_of(message))
+
     def _on_bridge(self, message: BridgeState) -> None:
         if not self._live.hears(message, self._node.get_clock().now().nanoseconds):
             return  # a recording's, or another robot's
-        facts = self.facts
-        facts.heard = time.monotonic()
-        facts.state, facts.reason = printable(message.state, NAME_MOST), printable(message.reason)
-        facts.holder = printable(message.lease_holder, NAME_MOST)
-        facts.link_ok, facts.virtual, facts.time_scale = message.link_ok, message.virtual_port, message.time_scale
-        facts.duty_left_s, facts.battery_v = message.duty_left_s, message.battery_v
-        facts.bag, facts.bag_messages = printable(message.bag), int(message.bag_messages)
-        facts.lengths_m = np.array(message.length_m, dtype=float)
+        self._keep(
+            heard=time.monotonic(),
+            state=printable(message.state, NAME_MOST),
+            reason=printable(message.reason),
+            holder=printable(message.lease_holder, NAME_MOST),
+            link_ok=message.link_ok,
+            virtual=message.virtual_port,
+            duty_left_s=message.duty_left_s,
+            battery_v=message.battery_v,
+            bag=printable(message.bag.rpartition("/")[2]),
+            bag_messages=int(message.bag_messages),
+            lengths_m=np.array(message.length_m, dtype=float),
+            last="" if message.state == BridgeState.HOMING != self.facts.state else self.facts.last,  # a new beginning
+        )
 
     def _on_face(self, message: FaceObservation) -> None:
         face, source = printable(message.face, NAME_MOST), printable(message.source, NAME_MOST)
-        self.facts.observed, self.facts.settled, self.facts.source = face, bool(message.settled), source
-
-    def _on_prediction(self, message: FaceObservation) -> None:
-        self.facts.predicted = printable(message.face, NAME_MOST)
-
-    def _on_twin(self, message: TwinState) -> None:
-        facts = self.facts
-        facts.twin_heard = time.monotonic()
-        forces = (message.tendon_force_n, message.strut_force_n, message.ground_force_n)
-        facts.tendon_n, facts.strut_n, facts.ground_n = (np.nan_to_num(np.array(one), posinf=0.0, neginf=0.0) for one in forces)
-
-    def _on_joints(self, message: PoseArray) -> None:
-        self.facts.joints_m = _places(message)
-
-    def _on_seen(self, message: PoseArray) -> None:
-        self.facts.seen_m = _places(message)[:12]
-
-    def _on_rehearsal(self, message: Rehearsal) -> None:
-        self.facts.rehearsal = rehearsal_of(message)
-
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        level = lambda status: status.level[0] if isinstance(status.level, bytes) else int(status.level)  # noqa: E731
-        self.facts.diagnostics = [
-            (printable(s.name.rpartition(": ")[2], NAME_MOST), level(s), printable(s.message)) for s in message.status[:MOST_PARTS]
-        ]
-
-    def _on_path(self, message: Path) -> None:
-        way = np.array([(p.pose.position.x, p.pose.position.y) for p in message.poses[:MOST_ROLLS]]).reshape(-1, 2)
-        self.facts.way_m = way[np.isfinite(way).all(axis=1)]
-
-    def _on_goal(self, message: PoseStamped) -> None:
-        x, y = message.pose.position.x, message.pose.position.y
-        self.facts.goal_m = (x, y) if math.isfinite(x) and math.isfinite(y) else None
-
-    def _on_panel(self, message: String) -> None:
-        shown = json.loads(message.data) if message.data else None
-        self.facts.trial = _panel_of(shown) if isinstance(shown, dict) else None
+        self._keep(observed=face, settled=bool(message.settled), source=source)
 
     # ---- what is asked ----------------------------------------------------------------------------------------------
 
@@ -264,11 +223,10 @@ class RosSide:
         if not client.server_is_ready():
             answer(False, f"nobody offers the action {name}: is the stack running, in this ROS domain?")
             return
-        facts = self.facts
 
         def show(message: Any) -> None:
-            told = {key: getattr(message.feedback, key) for key in message.feedback.get_fields_and_field_types()}
-            setattr(facts, name, {key: _plain(value) for key, value in told.items()})
+            told = message.feedback
+            self._keep(**{name: {key: _plain(getattr(told, key)) for key in told.get_fields_and_field_types()}})
 
         async def act() -> None:
             handle = await client.send_goal_async(goal, feedback_callback=show)
@@ -276,13 +234,12 @@ class RosSide:
                 answer(False, f"the {name} was rejected: another one is running")
                 return
             self._running = handle
-            facts.last = ""
+            self.facts.last = ""
             answer(True, f"{name} begins")
             result = (await handle.get_result_async()).result
             self._running = None
-            setattr(facts, name, None)
             why = printable(result.reason)
-            facts.last = f"{name} {'ended well' if result.success else 'failed'}{': ' + why if why else ''}"
+            self._keep(**{name: None}, last=f"{name} {'ended well' if result.success else 'failed'}{': ' + why if why else ''}")
 
         self._executor.create_task(act)
 
@@ -293,8 +250,7 @@ class RosSide:
         for name, client in (("roll", self._rolls), ("travel", self._travels)):
             if getattr(self.facts, name) is not None and not client.server_is_ready():
                 self._running = None
-                setattr(self.facts, name, None)
-                self.facts.last = f"{name} failed: whoever did it has gone; look where the robot is"
+                self._keep(**{name: None}, last=f"{name} failed: whoever did it has gone; look where the robot is")
         if self.facts.trial is not None and not self._node.count_publishers(topics.TRIAL_PANEL.name):
             self.facts.trial = None  # the session is over, or was killed
         self._keep_rehearsed()
@@ -304,10 +260,10 @@ class RosSide:
         facts = self.facts
         quiet = facts.roll is None and facts.travel is None and facts.trial is None  # a session's rolls are not to wait for ours
         if not facts.face:
-            self._rehearsed = ""
+            self._rehearsed = facts.unrehearsed = ""
         elif self._rehearsed != facts.face and quiet and time.monotonic() > self._rehearse_at and len(facts.joints_m):
             self._rehearse_at = time.monotonic() + REHEARSE_AGAIN_S
-            face = facts.face
+            face, facts.unrehearsed = facts.face, facts.unrehearsed or "rehearsing …"
 
             def told(done: bool, words: str) -> None:
                 self._rehearsed = face if done else ""
@@ -316,21 +272,59 @@ class RosSide:
             self.rehearse("", told)
 
 
-def _places(message: PoseArray) -> np.ndarray:
+def _places(message: PoseArray) -> dict[str, Any]:
     places = np.array([(p.position.x, p.position.y, p.position.z) for p in message.poses[:MOST_PLACES]])
-    return places if len(places) and np.isfinite(places).all() else NOWHERE
+    return {"joints_m": places if len(places) and np.isfinite(places).all() else NOWHERE}
 
 
-def _panel_of(shown: dict[Any, Any]) -> dict[str, Any]:
-    return {printable(key, NAME_MOST): _plain(value) for key, value in list(shown.items())[:MOST_PARTS]}
+def _forces(message: TwinState) -> dict[str, Any]:
+    forces = {"tendon_n": message.tendon_force_n, "strut_n": message.strut_force_n, "ground_n": message.ground_force_n}
+    found = {name: np.nan_to_num(np.array(force), posinf=0.0, neginf=0.0) for name, force in forces.items()}
+    return found | {"twin_heard": time.monotonic()}
+
+
+def _health(message: DiagnosticArray) -> dict[str, Any]:
+    level = lambda status: status.level[0] if isinstance(status.level, bytes) else int(status.level)  # noqa: E731
+    parts = [
+        (printable(s.name.rpartition(": ")[2], NAME_MOST), level(s), printable(s.message)) for s in message.status[:MOST_PARTS]
+    ]
+    return {"diagnostics": parts}
+
+
+def _way(message: Path) -> dict[str, Any]:
+    way = np.array([(p.pose.position.x, p.pose.position.y) for p in message.poses[:MOST_ROLLS]]).reshape(-1, 2)
+    return {"way_m": way[np.isfinite(way).all(axis=1)]}
+
+
+def _goal(message: PoseStamped) -> dict[str, Any]:
+    x, y = message.pose.position.x, message.pose.position.y
+    return {"goal_m": (x, y) if math.isfinite(x) and math.isfinite(y) else None}
+
+
+def _panel(message: String) -> dict[str, Any]:
+    shown = json.loads(message.data) if message.data else None
+    if not isinstance(shown, dict):
+        return {"trial": None}
+    return {"trial": {printable(key, NAME_MOST): _plain(value) for key, value in list(shown.items())[:MOST_PARTS]}}
 
 
 def _plain(value: Any) -> Any:
-    if isinstance(value, float):
-        return round(value, 4) if math.isfinite(value) else None
     if isinstance(value, str):
         return printable(value)
     if isinstance(value, list):  # of keys and what they mean
         pairs = [pair for pair in value[:MOST_PARTS] if isinstance(pair, list) and len(pair) == 2]
         return [[printable(word, NAME_MOST) for word in pair] for pair in pairs]
-    return value if isinstance(value, (int, bool)) else None
+    return value if isinstance(value, int) or (isinstance(value, float) and math.isfinite(value)) else None
+
+
+KEPT: tuple[tuple[topics.Topic, Callable[[Any], dict[str, Any]]], ...] = (
+    (topics.TWIN_FACE, lambda message: {"predicted": printable(message.face, NAME_MOST)}),
+    (topics.TWIN_STATE, _forces),
+    (topics.TWIN_JOINTS, _places),
+    (topics.DIAGNOSTICS, _health),
+    (topics.REHEARSAL, lambda message: {"rehearsal": rehearsal_of(message)}),
+    (topics.TRAVEL_PATH, _way),
+    (topics.TRAVEL_GOAL, _goal),
+    (topics.TRIAL_PANEL, _panel),
+)
+"""Topics, and the facts that follow from their messages."""

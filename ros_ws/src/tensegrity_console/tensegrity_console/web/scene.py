@@ -18,7 +18,7 @@ from tensegrity_console.web.state import Facts, Selection
 
 Color = tuple[int, int, int]
 BLUE, ORANGE, GREEN, SKY, YELLOW = (0, 114, 178), (213, 94, 0), (0, 158, 115), (86, 180, 233), (230, 159, 0)
-GREY, PALE, DARK, WHITE = (150, 150, 150), (205, 205, 205), (60, 63, 70), (255, 255, 255)
+GREY, PALE, DARK = (150, 150, 150), (205, 205, 205), (60, 63, 70)
 """Okabe–Ito: told apart by everyone."""
 BODY_M = 0.16
 """Length of an actuator's body; what sticks out of it is its rod."""
@@ -68,11 +68,7 @@ class _Chosen:
 
 
 class Scene:
-    """What is drawn. `update` is called from one thread.
-
-    Attributes:
-        path: of the socket where viser listens.
-    """
+    """What is drawn. `update` is called from one thread. `path`: of the socket where viser listens."""
 
     def __init__(self, ground: Ground):
         """Raises ConsoleError: viser cannot be started."""
@@ -164,9 +160,7 @@ class Scene:
 
     def _draw_faces(self, stance: Stance | None, facts: Facts) -> None:
         """The face stood on and its neighbours, with names and counts of rehearsals; drawn anew only when something changed."""
-        known = facts.rehearsal is not None and facts.rehearsal["source"] == facts.face
-        gaits = facts.rehearsal["gaits"] if facts.rehearsal and known else ()
-        tried = {gait["target"]: f" {gait['successes']} of {gait['members']}" for gait in gaits}
+        tried = {gait["target"]: f" {gait['successes']} of {gait['members']}" for gait in _gaits(facts)}
         place = (stance.face, round(stance.x_m, 2), round(stance.y_m, 2), round(stance.yaw_rad, 1)) if stance else None
         state = (place, tuple(sorted(tried.items())))
         if state == self._drawn:
@@ -213,8 +207,7 @@ class Scene:
         corners = ghost = None
         if stance is not None and facts.roll is None:
             corners = next((one.corners_m for one in self._ground.neighbours(stance) if one.face == selection.target), None)
-            gaits = facts.rehearsal["gaits"] if facts.rehearsal and facts.rehearsal["source"] == facts.face else []
-            end = next((g["ends"][0][0] for g in gaits if g["target"] == selection.target and g["ends"]), "")
+            end = next((g["ends"][0][0] for g in _gaits(facts) if g["target"] == selection.target and g["ends"]), "")
             ghost = self._ground.ghost_m(stance, end) if end in FACES else None
         chosen.draw(corners, ghost, selection.place_m)
 
@@ -233,6 +226,11 @@ class Scene:
         handle.points = points.astype(np.float32)
         if colors is not None:
             handle.colors = colors
+
+
+def _gaits(facts: Facts) -> list[dict[str, Any]]:
+    known = facts.known_rehearsal
+    return known["gaits"] if known is not None else []
 
 
 def tension_colors(tension_n: Array) -> Array:

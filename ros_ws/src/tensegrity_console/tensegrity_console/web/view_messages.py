@@ -8,7 +8,6 @@ apart strictly and put together anew, so that viser reads no byte of a page's.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from typing import Annotated, Literal
 
 import msgspec
@@ -18,18 +17,19 @@ LONGEST = 4096
 FARTHEST_M = 1e4
 NEAREST_M = 1e-4
 """A camera that looks at where it is looks nowhere."""
-Three = tuple[float, float, float]
+Coordinate = Annotated[float, msgspec.Meta(ge=-FARTHEST_M, le=FARTHEST_M)]  # no NaN
+Three = tuple[Coordinate, Coordinate, Coordinate]
 Pixels = Annotated[int, msgspec.Meta(ge=0, le=32768)]
 
 
 class Camera(msgspec.Struct, tag_field="type", tag="ViewerCameraMessage", forbid_unknown_fields=True):
     """Where a page looks from, as viser has it."""
 
-    wxyz: tuple[float, float, float, float]
+    wxyz: tuple[Coordinate, Coordinate, Coordinate, Coordinate]
     position: Three
-    fov: float
-    near: float
-    far: float
+    fov: Annotated[float, msgspec.Meta(gt=0.0, lt=math.pi)]
+    near: Coordinate
+    far: Coordinate
     image_height: Pixels
     image_width: Pixels
     look_at: Three
@@ -57,9 +57,7 @@ def said(data: str | bytes) -> Camera | Click | None:
         message = _DECODER.decode(data)
     except (msgspec.MsgspecError, RecursionError):
         return None
-    if isinstance(message, Camera):
-        return message if _sound(message) else None
-    return message if _small((*message.ray_origin, *message.ray_direction)) else None
+    return None if isinstance(message, Camera) and not _looks(message) else message
 
 
 def for_viser(camera: Camera) -> bytes:
@@ -67,16 +65,6 @@ def for_viser(camera: Camera) -> bytes:
     return msgspec.msgpack.encode(camera)
 
 
-def _sound(camera: Camera) -> bool:
-    numbers = (*camera.wxyz, *camera.position, *camera.look_at, *camera.up_direction, camera.near, camera.far)
-    return (
-        _small(numbers)
-        and 0.0 < camera.fov < math.pi
-        and math.dist(camera.position, camera.look_at) > NEAREST_M
-        and math.hypot(*camera.up_direction) > NEAREST_M
-        and math.hypot(*camera.wxyz) > NEAREST_M
-    )
-
-
-def _small(numbers: Iterable[float]) -> bool:
-    return all(abs(number) <= FARTHEST_M for number in numbers)  # NaN is not
+def _looks(camera: Camera) -> bool:
+    apart = math.dist(camera.position, camera.look_at)
+    return min(apart, math.hypot(*camera.up_direction), math.hypot(*camera.wxyz)) > NEAREST_M

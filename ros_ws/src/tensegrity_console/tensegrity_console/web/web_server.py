@@ -12,7 +12,7 @@ import json
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 import tornado.ioloop
 import tornado.web
@@ -22,8 +22,11 @@ from websockets.typing import Subprotocol
 
 from hardware_bridge.recording.bag_quota import RateLimit
 from tensegrity_console.access import LOOPBACK, Gate, Guarded, GuardedSocket, address, listening
-from tensegrity_console.web.state import Page
+from tensegrity_console.web.state import Page, json_of
 from tensegrity_console.web.view_messages import LONGEST, Camera, Click, for_viser, said
+
+if TYPE_CHECKING:
+    from tensegrity_console.web.main import Orders
 
 PAGE = Path(__file__).parent / "page"
 MOST_SCENE_BYTES = 50 * 1024 * 1024
@@ -42,23 +45,6 @@ ONLY_THE_VIEW = (
     b'<style>[data-testid="floating-panel"], .mantine-Paper-root, .mantine-Notifications-root { display: none !important; }</style>'
 )
 """Hides viser's own panel, which is for developers, in a wide window and a narrow one, and its remarks on the browser."""
-
-Reply = Callable[[dict[str, Any]], None]
-
-
-class Orders(Protocol):
-    """Who knows the pages, and carries out what they ask for."""
-
-    pages: dict[str, Page]
-
-    def arrived(self) -> Page:
-        """A page was opened."""
-
-    def left(self, page: Page) -> None:
-        """A page was closed."""
-
-    def carry_out(self, page: Page, order: dict[str, Any], answer: Reply) -> None:
-        """The answer may come from any thread."""
 
 
 class _File(Guarded):
@@ -98,7 +84,7 @@ class _Link(GuardedSocket):
         self.set_nodelay(True)
         self.page = self.server.orders.arrived()
         self.server.links[self.page.number] = self
-        self.send(json.dumps({"page": self.page.number}))
+        self.send(json_of({"page": self.page.number}))
 
     def on_close(self) -> None:
         if hasattr(self, "page"):
@@ -117,7 +103,7 @@ class _Link(GuardedSocket):
 
     def answer(self, document: dict[str, Any]) -> None:
         """From any thread."""
-        self.server.later(lambda: self.send(json.dumps(document, allow_nan=False)))
+        self.server.later(lambda: self.send(json_of(document)))
 
 
 class _SceneSocket(GuardedSocket):
@@ -184,18 +170,10 @@ class _SceneSocket(GuardedSocket):
 
 
 class Server:
-    """Made, and run, in one thread.
-
-    Attributes:
-        links: the pages that are connected, by number.
-        orders: carries out what they ask for.
-        clicked: told of a page's click.
-        scene: path of viser's socket.
-        url: where a person opens it.
-    """
+    """Made, and run, in one thread. `links`: the pages that are connected, by number; `url`: where a person opens it."""
 
     def __init__(self, host: str, port: int, token: str, scene: Path, orders: Orders, clicked: Callable[[Page, Click], None]):
-        """Listen. `port`: 0: any free one. Raises ConsoleError: the port is taken, or no such address is here."""
+        """Listen; raises ConsoleError as `listening`. `scene`: viser's socket. `clicked`: told of a page's click."""
         import viser
 
         self.links: dict[str, _Link] = {}
@@ -228,7 +206,7 @@ class Server:
     def tell(self, document: Callable[[Page], dict[str, Any]]) -> None:
         """Send each page its own. In the server's thread."""
         for link in list(self.links.values()):
-            link.send(json.dumps(document(link.page), allow_nan=False))
+            link.send(json_of(document(link.page)))
 
     def close(self) -> None:
         """Let go of the port and of every page."""

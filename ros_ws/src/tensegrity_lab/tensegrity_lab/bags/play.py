@@ -6,7 +6,6 @@ Only what the bridge *told* is played. Nothing of it is a command, and while a b
 
 from __future__ import annotations
 
-import os
 import tempfile
 import threading
 import time
@@ -30,7 +29,7 @@ from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.message_types import message_class
 from tensegrity_lab.stack.processes import Stack, wait_until
 from tensegrity_robot.ros.cdr import wire_bytes
-from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.discovery import set_discovery
 from tensegrity_robot.ros.topics import TOPICS, TWIN_STATE
 
 TOLD = {topic.name: topic.profile for topic in TOPICS if topic.told_by == "bridge" and not topic.name.startswith("/")}
@@ -73,7 +72,7 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
     start = (before or [m.face for m in states if m.face] or ["TC6"])[-1 if before else 0]
     due = _due(session, first_seq)
     rate = min(rate, MOST_TIME_SCALE / max(1.0, _time_scale(session)))
-    os.environ.update(discovery_changes(os.environ, loopback_profile()))
+    set_discovery()
     with ExitStack() as closing:
         folder = Path(closing.enter_context(tempfile.TemporaryDirectory(prefix="sixstrut-play-")))
         rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import threading
 import time
 from collections.abc import Callable, Sequence
@@ -12,14 +11,11 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray
 from rclpy.action import ActionClient
-from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
-from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -35,7 +31,7 @@ from tensegrity_lab.errors import StackError, granted
 from tensegrity_lab.stack.processes import START_LIMIT_S, Stack, wait_until
 from tensegrity_lab.stack.ros_thread import Spinner
 from tensegrity_robot.ros import topics
-from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.node_process import own_context
 
 MID_M = 0.234
 """Rest length of a strut at mid stroke."""
@@ -93,11 +89,8 @@ class StackClient:
             name: of the node.
             events: keep the bridge's events and diagnostics.
         """
-        if domain is None:
-            os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self._stack, self._only = stack, prototype
-        self._context = Context()
-        rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+        self._context = own_context(domain)
         self.node = node = Node(name, context=self._context)
         self.bridge: Any = None
         self.twin: Any = None

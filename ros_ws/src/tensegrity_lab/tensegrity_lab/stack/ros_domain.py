@@ -172,16 +172,13 @@ def _inhabited() -> set[int]:
 
 def _bridges(number: int) -> list[str]:
     """Names of topics that a bridge in a domain offers."""
-    import rclpy
-    from rclpy.context import Context
     from rclpy.node import Node
-    from rclpy.signals import SignalHandlerOptions
 
-    from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+    from tensegrity_robot.ros.discovery import set_discovery
+    from tensegrity_robot.ros.node_process import own_context
 
-    os.environ.update(discovery_changes(os.environ, loopback_profile()))
-    context = Context()
-    rclpy.init(context=context, domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
+    set_discovery()
+    context = own_context(number)
     node = Node("sixstrut_looks", context=context)
     until, found = time.monotonic() + LOOK_S, list[str]()
     try:

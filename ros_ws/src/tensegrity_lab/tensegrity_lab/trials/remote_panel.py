@@ -50,25 +50,20 @@ class Remote:
     """
 
     def __init__(self) -> None:
-        import rclpy
-        from rclpy.context import Context
         from rclpy.node import Node
-        from rclpy.signals import SignalHandlerOptions
         from std_msgs.msg import String
 
         from tensegrity_lab.stack.ros_thread import Spinner
-        from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+        from tensegrity_robot.ros.node_process import own_context
         from tensegrity_robot.ros.topics import TRIAL_KEY, TRIAL_PANEL
 
-        os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self.keys_from, self._keys_to = os.pipe()
         self._string, self._key_topic = String, TRIAL_KEY.name
         self._lock = threading.Lock()
         self._shown: Shown | None = None
         self._id = ""
         self._warned = False
-        self._context = Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._context = own_context()
         self._node = Node("sixstrut_trial", context=self._context)
         self._panel = TRIAL_PANEL.publisher(self._node)
         TRIAL_KEY.subscribe(self._node, self._on_key)
@@ -103,13 +98,12 @@ class Remote:
 
     def close(self) -> None:
         """Say that the session is over, and leave ROS."""
-        import rclpy
         from rclpy.duration import Duration
 
         self.show(None)
         self._panel.wait_for_all_acked(Duration(seconds=1.0))
         self._spinner.close()
-        rclpy.try_shutdown(context=self._context)
+        self._context.try_shutdown()
         os.close(self._keys_to)
         os.close(self.keys_from)
 

@@ -14,7 +14,10 @@ from std_msgs.msg import Header
 from hardware_bridge.driver.events import Snapshot
 from hardware_bridge.link.board_link import LATE_ANSWER_S
 from hardware_bridge.link.latency import Percentiles
+from hardware_bridge.recording.bag_monitor import LogWatch
+from hardware_bridge.recording.session_bag import SessionLog
 from tensegrity_interfaces.msg import BridgeState
+from tensegrity_robot.bridge.observer import Observing
 
 OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
 
@@ -22,56 +25,49 @@ SLOW_WRITE_S = 0.02
 """A frame of six servos lasts 26 ms at 9600 baud; handing it over must be much quicker than that, or frames will be late."""
 
 
-class LogFacts(NamedTuple):
-    """A bag as diagnostics tell it.
+class Part(NamedTuple):
+    """What is told of one part of the node."""
 
-    Attributes:
-        most_waiting: messages that ever waited for the disk at once.
-        free_mb: free space where it is, in MB.
-        trouble: why nothing is moved with it; empty: it is well.
-        dropped: messages of other nodes that were over their topic's quota.
-    """
-
-    path: str
-    messages: int
-    most_waiting: int
-    free_mb: float
-    trouble: str
-    dropped: int = 0
+    name: str
+    level: bytes
+    told: str
+    values: Sequence[tuple[str, object]] = ()
 
 
-def diagnostics(
-    node: str, snapshot: Snapshot | None, log: LogFacts | None, observer: bool | None, stalled: str, hint: str, stamp: Time
-) -> DiagnosticArray:
-    """What is well and what is not.
-
-    Args:
-        node: name of the bridge's node.
-        snapshot: of the bridge; None: there is no bridge.
-        log: of the bag; None: not recording.
-        observer: whether the observer is there; None: none is expected.
-        stalled: which strut it sees elsewhere than it was sent; empty: none.
-        hint: what to do while there is no bridge.
-        stamp: ROS time.
-    """
-    if snapshot is None:
-        return DiagnosticArray(header=Header(stamp=stamp), status=[_status(f"{node}: link", STALE, hint, "", ())])
+def diagnostics(node: str, port: str, parts: Sequence[Part], stamp: Time) -> DiagnosticArray:
+    """The parts of a node as a message."""
     statuses = [
-        _link(node, snapshot),
-        _supervisor(node, snapshot),
-        _frames(node, snapshot),
-        _duty(node, snapshot),
-        _supply(node, snapshot),
-        _board(node, snapshot),
-        _log(node, log, snapshot.port),
+        DiagnosticStatus(
+            level=part.level,
+            name=f"{node}: {part.name}",
+            message=part.told,
+            hardware_id=PurePath(port).name,  # viewers write it before every name; the link's values have the whole path
+            values=[KeyValue(key=key, value=str(value)) for key, value in part.values],
+        )
+        for part in parts
     ]
-    if observer is not None:
-        told = stalled or ("is there" if observer else "is not there: faces are only predicted")
-        statuses.append(_status(f"{node}: observer", OK if observer and not stalled else WARN, told, snapshot.port, ()))
     return DiagnosticArray(header=Header(stamp=stamp), status=statuses)
 
 
-def _link(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+def parts_of(snapshot: Snapshot, log: SessionLog | None, watch: LogWatch | None, dropped: int, observing: Observing) -> list[Part]:
+    """What is well and what is not. `dropped`: messages of other nodes that were over their topic's quota."""
+    parts = [
+        _link(snapshot),
+        _supervisor(snapshot),
+        _frames(snapshot),
+        _duty(snapshot),
+        _supply(snapshot),
+        _board(snapshot),
+        _log(log, watch, dropped),
+    ]
+    if observing.there is not None:
+        stalled = observing.stalled(snapshot)
+        told = stalled or ("is there" if observing.there else "is not there: faces are only predicted")
+        parts.append(Part("observer", OK if observing.there and not stalled else WARN, told))
+    return parts
+
+
+def _link(snapshot: Snapshot) -> Part:
     latency, replies = snapshot.write_latency, snapshot.replies
     level, told = OK, "open"
     if not snapshot.link_ok:
@@ -94,7 +90,7 @@ def _link(node: str, snapshot: Snapshot) -> DiagnosticStatus:
         ("bad replies", replies.bad),
         *_percentiles("replies", replies.latency),
     )
-    return _status(f"{node}: link", level, told, snapshot.port, values)
+    return Part("link", level, told, values)
 
 
 def _percentiles(of: str, latency: Percentiles) -> list[tuple[str, str]]:
@@ -102,64 +98,58 @@ def _percentiles(of: str, latency: Percentiles) -> list[tuple[str, str]]:
     return [(f"latency of {of}, {part} [ms]", f"{seconds * 1e3:.2f}") for part, seconds in parts]
 
 
-def _supervisor(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+def _supervisor(snapshot: Snapshot) -> Part:
     level = {BridgeState.FAULT: ERROR, BridgeState.HOLD: WARN}.get(str(snapshot.mode), OK)
     told = f"{snapshot.mode}: {snapshot.reason}" if snapshot.reason else str(snapshot.mode)
     values = (("lease holder", snapshot.lease_holder or "nobody"), ("homed", snapshot.homed), ("moving", snapshot.moving))
-    return _status(f"{node}: supervisor", level, told, snapshot.port, values)
+    return Part("supervisor", level, told, values)
 
 
-def _frames(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+def _frames(snapshot: Snapshot) -> Part:
     level = WARN if snapshot.congested_periods else OK
     told = "held back because the link was slow" if snapshot.congested_periods else "on time"
     values = (("late periods", snapshot.late_periods), ("congested periods", snapshot.congested_periods))
-    return _status(f"{node}: frames", level, told, snapshot.port, values)
+    return Part("frames", level, told, values)
 
 
-def _duty(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+def _duty(snapshot: Snapshot) -> Part:
     left_s, limit_s = snapshot.duty_left_s, snapshot.duty_limit_s
     spent = left_s <= 0.1 * limit_s
     told = "nearly spent: let the actuators rest" if spent else "enough left"
     if not snapshot.duty_known:
         told = "nobody knows how long the struts ran lately, so it counts as spent: let them rest, or give rested_s at the start"
     values = (("duty left [s]", f"{left_s:.1f}"), ("duty budget [s]", f"{limit_s:g}"))
-    return _status(f"{node}: duty", WARN if spent else OK, told, snapshot.port, values)
+    return Part("duty", WARN if spent else OK, told, values)
 
 
-def _supply(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+def _supply(snapshot: Snapshot) -> Part:
     if snapshot.battery_mv is None:
-        return _status(f"{node}: battery", OK, "the board has not told its supply", snapshot.port, ())
+        return Part("battery", OK, "the board has not told its supply")
     supply_v = snapshot.battery_mv * 1e-3
     low = supply_v < snapshot.supply_low_v
     told = f"low: {supply_v:.2f} V, no gait below {snapshot.supply_low_v:g} V; charge it" if low else f"{supply_v:.2f} V"
     values = (("servo supply [V]", f"{supply_v:.2f}"), ("limit [V]", f"{snapshot.supply_low_v:g}"))
-    return _status(f"{node}: battery", WARN if low else OK, told, snapshot.port, values)
+    return Part("battery", WARN if low else OK, told, values)
 
 
-def _board(node: str, snapshot: Snapshot) -> DiagnosticStatus:
+def _board(snapshot: Snapshot) -> Part:
     errors = snapshot.board_errors
     level, told = OK, "has told no error"
     if errors:
         level, told = ERROR, "; ".join(errors)
     elif not snapshot.answered:
         level, told = WARN, "has never answered since the port was opened: check its supply, port, rate and wiring"
-    return _status(f"{node}: board", level, told, snapshot.port, (("errors", len(errors)), ("answered", snapshot.answered)))
+    return Part("board", level, told, (("errors", len(errors)), ("answered", snapshot.answered)))
 
 
-def _log(node: str, log: LogFacts | None, port: str) -> DiagnosticStatus:
-    if log is None:
-        return _status(f"{node}: log", OK, "not recording", port, ())
+def _log(log: SessionLog | None, watch: LogWatch | None, dropped: int) -> Part:
+    if log is None or watch is None:
+        return Part("log", OK, "not recording")
     values = (
         ("bag", log.path),
         ("messages", log.messages),
         ("most waiting", log.most_waiting),
-        ("free space [MB]", f"{log.free_mb:.0f}"),
-        ("not recorded, over quota", log.dropped),
+        ("free space [MB]", f"{watch.free_mb:.0f}"),
+        ("not recorded, over quota", dropped),
     )
-    return _status(f"{node}: log", ERROR if log.trouble else OK, log.trouble or "growing", port, values)
-
-
-def _status(name: str, level: bytes, told: str, hardware: str, values: Sequence[tuple[str, object]]) -> DiagnosticStatus:
-    pairs = [KeyValue(key=key, value=str(value)) for key, value in values]
-    short = PurePath(hardware).name  # viewers write it before every name; the link's values have the whole path
-    return DiagnosticStatus(level=level, name=name, message=told, hardware_id=short, values=pairs)
+    return Part("log", ERROR if watch.trouble else OK, watch.trouble or "growing", values)

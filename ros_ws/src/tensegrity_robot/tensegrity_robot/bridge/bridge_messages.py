@@ -15,7 +15,7 @@ from hardware_bridge.prototype_client.observation import Observation
 from hardware_bridge.recording.session_bag import SessionLog
 from hardware_bridge.safety.trajectory import Trajectory
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, StrutsSent
-from tensegrity_robot.ros.conversions import pose
+from tensegrity_robot.ros.conversions import pose, stamp_of
 
 
 def struts_sent(event: SentEvent, header: Header) -> StrutsSent:
@@ -65,7 +65,7 @@ def bridge_state(snapshot: Snapshot, log: SessionLog | None, stamp: Time) -> Bri
         time_scale=snapshot.time_scale,
         length_m=tuple(lengths),
         bag=str(log.path) if log is not None and well else "",
-        bag_began=Time(sec=began_ns // 1_000_000_000, nanosec=began_ns % 1_000_000_000),
+        bag_began=stamp_of(began_ns),
         bag_messages=log.messages if log is not None and well else 0,
         calibration_hash=snapshot.calibration_hash,
         frames_sent=snapshot.frames_sent,

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The hardware bridge's node: a lifecycle node around a bridge, with the session's bag.
 
-Port and frame timer are in a process of their own, and so is the service `stop` (`bridge_process`): however long a message takes
+Port and frame timer are in a process of their own, and so is the service `stop` (`port_process`): however long a message takes
 to be read here, frames go out in time. One executor thread takes calls; observer and disk have threads of their own.
 """
 
@@ -13,8 +13,6 @@ import traceback
 from pathlib import Path
 
 import numpy as np
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackReturn
 from rclpy.serialization import deserialize_message
 from std_msgs.msg import Header
@@ -30,8 +28,8 @@ from hardware_bridge.safety.supervisor_messages import Mode
 from hardware_bridge.safety.trajectory import Trajectory
 from sim_core.errors import SimError
 from tensegrity_interfaces.msg import TwinState
-from tensegrity_robot.bridge import bridge_diagnostics, bridge_messages
-from tensegrity_robot.bridge.bridge_diagnostics import LogFacts
+from tensegrity_robot.bridge import bridge_messages
+from tensegrity_robot.bridge.bridge_diagnostics import STALE, Part, diagnostics, parts_of
 from tensegrity_robot.bridge.bridge_parameters import BridgeParameters, rules_of, session_files
 from tensegrity_robot.bridge.motion_action import MotionServer
 from tensegrity_robot.bridge.observer import Observing
@@ -41,21 +39,11 @@ from tensegrity_robot.bridge.preconditions import MotionConditions
 from tensegrity_robot.bridge.recorded_topics import RecordedTopics
 from tensegrity_robot.bridge.services import BridgeCalls
 from tensegrity_robot.bridge.shape_judge import ShapeRule
-from tensegrity_robot.bridge.trial_service import serve_trial_log
 from tensegrity_robot.ros import conversions
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_parameters import declare_parameters
-from tensegrity_robot.ros.node_process import End, run
-from tensegrity_robot.ros.topics import (
-    ASKED,
-    BRIDGE_FACE,
-    BRIDGE_JOINT_STATES,
-    BRIDGE_STATE,
-    DIAGNOSTICS,
-    STRUTS_SENT,
-    TOPICS,
-    TWIN_STATE,
-)
+from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
+from tensegrity_robot.ros.topics import BRIDGE_FACE, BRIDGE_JOINT_STATES, BRIDGE_STATE, DIAGNOSTICS, STRUTS_SENT, TWIN_STATE
 
 FEEDBACK_PERIOD_S = 0.1
 STATE_PERIOD_S = 0.5
@@ -75,7 +63,7 @@ NAMELESS = (
 class HardwareBridgeNode(LifecycleNode):
     """See the module."""
 
-    def __init__(self, end: End):
+    def __init__(self, end: EndProcess):
         self._host = HostProcess(COMMAND, self._on_host_end)
         try:
             self._make(end)
@@ -83,7 +71,7 @@ class HardwareBridgeNode(LifecycleNode):
             self._host.close()
             raise
 
-    def _make(self, end: End) -> None:
+    def _make(self, end: EndProcess) -> None:
         super().__init__("hardware_bridge")
         self._end = end
         self._settings = p = declare_parameters(self, BridgeParameters)
@@ -99,34 +87,19 @@ class HardwareBridgeNode(LifecycleNode):
         self._rested_s = p.rested_s
         self._hint = f"unconfigured: ros2 lifecycle set {self.get_fully_qualified_name()} configure"
         self._hinted = False
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
-        self._make_topics()
-        self._motions = MotionServer(self, self.ready, self._permit, lambda asked: self._topics.publish(self._asked, asked))
-        self._calls = BridgeCalls(self, self)
-        self.create_timer(FEEDBACK_PERIOD_S, self._motions.attend, clock=self._steady)
-        self.create_timer(STATE_PERIOD_S, self._publish_state, clock=self._steady)
-        self.create_timer(1.0, self._each_second, clock=self._steady)
+        self._topics = RecordedTopics(self, {TWIN_STATE.name: self._follows_this_stream})
+        self._others = OtherBridges(self)
+        self._observing = Observing(self, self._topics, p.frame, p.stall_limit_m)
+        self._motions = MotionServer(self, self._topics)
+        self._calls = BridgeCalls(self, self._topics)
+        self.create_timer(FEEDBACK_PERIOD_S, self._motions.attend, clock=STEADY)
+        self.create_timer(STATE_PERIOD_S, self._publish_state, clock=STEADY)
+        self.create_timer(1.0, self._each_second, clock=STEADY)
         if p.autostart:
             failure = self._autostart()
             if failure is not None:
                 self.close()
                 raise StartError(str(failure)) from failure
-
-    def _make_topics(self) -> None:
-        self._topics = topics = RecordedTopics(self)
-        self._others = OtherBridges(self)
-        self._asked = topics.publisher(ASKED)
-        self._sent = topics.publisher(STRUTS_SENT)
-        self._face = topics.publisher(BRIDGE_FACE)
-        self._state = topics.publisher(BRIDGE_STATE)
-        self._joint_states = topics.publisher(BRIDGE_JOINT_STATES)
-        self._observing = Observing(self, topics, self._settings.frame, self._settings.stall_limit_m)
-        self._diagnostics = topics.publisher(DIAGNOSTICS)
-        for topic in TOPICS:
-            if topic.told_by == "others":
-                wanted = {"wanted": self._follows_this_stream} if topic == TWIN_STATE else {}
-                topics.record(topic, **wanted)
-        serve_trial_log(self, topics)
 
     # ---- life -------------------------------------------------------------------------------------------------------
 
@@ -170,13 +143,10 @@ class HardwareBridgeNode(LifecycleNode):
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
         """Commands are taken from now on; the supervisor stays DISARMED. Not beside another bridge of the same name."""
-        self._others.listen()
-        try:
-            self._others.require_none()
-        except Refused as error:
-            self._failure = error
+        if other := self._others.listen():
+            self._failure = Refused(other)
             if not self._settings.autostart:
-                self.get_logger().error(str(error))
+                self.get_logger().error(other)
             return TransitionCallbackReturn.FAILURE
         self._active = True
         return super().on_activate(state)
@@ -208,11 +178,8 @@ class HardwareBridgeNode(LifecycleNode):
                 self._hinted = True
                 self.get_logger().warning(self._hint)
             return None
-        self._others.listen()
-        try:
-            self._others.require_none()
-        except Refused as error:
-            return error
+        if other := self._others.listen():
+            return Refused(other)
         if self.trigger_configure() == TransitionCallbackReturn.SUCCESS:
             self._hinted = False  # from now on its life is the operator's
             if self.trigger_activate() == TransitionCallbackReturn.SUCCESS:
@@ -304,14 +271,14 @@ class HardwareBridgeNode(LifecycleNode):
     # ---- what the bridge tells, from its own threads, in order --------------------------------------------------------
 
     def _on_bridge_sent(self, event: SentEvent) -> None:
-        header = Header(stamp=conversions.stamp(event.wall_ns), frame_id=self._settings.frame)
-        self._topics.publish(self._sent, bridge_messages.struts_sent(event, header))
-        self._topics.publish(self._joint_states, conversions.joint_states(header.stamp, np.array(event.lengths_m)))
+        header = Header(stamp=conversions.stamp_of(event.wall_ns), frame_id=self._settings.frame)
+        self._topics.publish(STRUTS_SENT, bridge_messages.struts_sent(event, header))
+        self._topics.publish(BRIDGE_JOINT_STATES, conversions.joint_states(header.stamp, np.array(event.lengths_m)))
         self._observing.heard(event)
 
     def _on_bridge_face(self, event: FaceEvent) -> None:
-        header = Header(stamp=conversions.stamp(event.wall_ns), frame_id=self._settings.frame)
-        self._topics.publish(self._face, bridge_messages.face_observation(event, header))
+        header = Header(stamp=conversions.stamp_of(event.wall_ns), frame_id=self._settings.frame)
+        self._topics.publish(BRIDGE_FACE, bridge_messages.face_observation(event, header))
 
     def _on_bridge_state(self, snapshot: Snapshot) -> None:
         self._tell_state(snapshot)
@@ -341,12 +308,13 @@ class HardwareBridgeNode(LifecycleNode):
     def confirmed_lengths_m(self) -> list[float | None] | None:
         """What an observer sees of struts of unknown length. Raises Refused: this robot must not be armed now."""
         snapshot, conditions = self.bridge().snapshot(), self._conditions
-        self._others.require_none()
+        if other := self._others.found():
+            raise Refused(other)
         assert conditions is not None
         conditions.require_armable()
         return self._observing.unknown_lengths_m(snapshot)
 
-    def _permit(self, trajectory: Trajectory, library_hash: str) -> None:
+    def permit(self, trajectory: Trajectory, library_hash: str) -> None:
         """Raises Refused: this motion must not begin now, and why."""
         self.ready()
         if self._conditions is not None:
@@ -360,13 +328,13 @@ class HardwareBridgeNode(LifecycleNode):
 
     def _tell_state(self, snapshot: Snapshot) -> None:
         stamp = self.get_clock().now().to_msg()
-        self._topics.publish(self._state, bridge_messages.bridge_state(snapshot, self._topics.log, stamp))
+        self._topics.publish(BRIDGE_STATE, bridge_messages.bridge_state(snapshot, self._topics.log, stamp))
 
     def _publish_state(self) -> None:
         if self._bridge is not None:
             self._tell_state(self._bridge.snapshot())
         else:
-            self._topics.publish(self._state, bridge_messages.no_bridge_state(self._hint, self.get_clock().now().to_msg()))
+            self._topics.publish(BRIDGE_STATE, bridge_messages.no_bridge_state(self._hint, self.get_clock().now().to_msg()))
 
     def _each_second(self) -> None:
         if self._settings.autostart and self._bridge is None and self._hinted:
@@ -383,11 +351,9 @@ class HardwareBridgeNode(LifecycleNode):
         bridge = self._bridge
         if bridge is None or not (self._active and self._others.may_be_late) or bridge.snapshot().mode is not Mode.DISARMED:
             return
-        try:
-            self._others.require_none()
-        except Refused as error:
+        if other := self._others.found():
             self._active = False
-            self.get_logger().fatal(str(error))
+            self.get_logger().fatal(other)
             self._end(1)
 
     def _attend_log(self) -> None:
@@ -396,25 +362,14 @@ class HardwareBridgeNode(LifecycleNode):
             self.get_logger().error(f"the motion is held: {held_for}")
 
     def _publish_diagnostics(self) -> None:
-        told = self._topics.log
-        watch = None if self._conditions is None else self._conditions.watch
-        log = None
-        if told is not None and watch is not None:
-            log = LogFacts(
-                str(told.path), told.messages, told.most_waiting, watch.free_mb, watch.trouble, sum(self._topics.dropped.values())
-            )
-        snapshot = None if self._bridge is None else self._bridge.snapshot()
+        port, parts = "", [Part("link", STALE, self._hint)]
+        if self._bridge is not None:
+            snapshot, watch = self._bridge.snapshot(), self._conditions.watch if self._conditions is not None else None
+            port, parts = snapshot.port, parts_of(snapshot, self._topics.log, watch, self._topics.dropped, self._observing)
         stamp = self.get_clock().now().to_msg()
-        stalled = "" if snapshot is None else self._observing.stalled(snapshot)
-        there = self._observing.there
-        told_now = bridge_diagnostics.diagnostics(self.get_name(), snapshot, log, there, stalled, self._hint, stamp)
-        self._topics.publish(self._diagnostics, told_now)
+        self._topics.publish(DIAGNOSTICS, diagnostics(self.get_name(), port, parts, stamp))
 
 
 def main(args: list[str] | None = None) -> int:
     """The executable `hardware_bridge`."""
     return run(HardwareBridgeNode, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -3,48 +3,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 from rclpy.action import ActionServer, CancelResponse
 from rclpy.action.server import ServerGoalHandle
-from rclpy.lifecycle import LifecycleNode
 from rclpy.task import Future
-from trajectory_msgs.msg import JointTrajectory
 
 from hardware_bridge.driver.motion_handle import MotionHandle
 from hardware_bridge.driver.remote_bridge import RemoteBridge
 from hardware_bridge.errors import BridgeError, Refused
 from hardware_bridge.safety.command_age import Age
-from hardware_bridge.safety.trajectory import Trajectory
 from tensegrity_interfaces.action import ExecuteStruts
 from tensegrity_robot.bridge import bridge_messages
+from tensegrity_robot.bridge.recorded_topics import RecordedTopics
 from tensegrity_robot.ros import conversions
 from tensegrity_robot.ros.background import elsewhere
 from tensegrity_robot.ros.bounded_goals import TooLong, bound_goals
+from tensegrity_robot.ros.topics import ASKED
+
+if TYPE_CHECKING:
+    from tensegrity_robot.bridge.hardware_bridge_node import HardwareBridgeNode
 
 
 class MotionServer:
-    """Serves `execute_struts` of a node. All but its making happens in the executor's thread."""
+    """Serves `execute_struts` of the bridge's node. All but its making happens in the executor's thread."""
 
-    def __init__(
-        self,
-        node: LifecycleNode,
-        ready: Callable[[], RemoteBridge],
-        permit: Callable[[Trajectory, str], None],
-        accepted: Callable[[JointTrajectory], None],
-    ):
-        """Offer the action.
-
-        Args:
-            node: the bridge's node.
-            ready: the bridge, if commands are taken, or raises Refused.
-            permit: raises Refused if a motion, with the hash of its library, must not begin now.
-            accepted: told each accepted goal.
-        """
+    def __init__(self, node: HardwareBridgeNode, topics: RecordedTopics):
         self._node = node
-        self._ready = ready
-        self._permit = permit
-        self._accepted = accepted
+        self._topics = topics
         bound_goals()
         self._motions: list[tuple[ServerGoalHandle, RemoteBridge, MotionHandle, Future]] = []
         self._server = ActionServer(node, ExecuteStruts, "execute_struts", self._execute, cancel_callback=self._on_cancel)
@@ -74,7 +60,7 @@ class MotionServer:
         request = goal.request
         lengths_m: tuple[float, ...] = (float("nan"),) * 6
         try:
-            bridge = self._ready()
+            bridge = self._node.ready()
             if isinstance(request, TooLong):
                 raise Refused(request.why)
             snapshot = bridge.snapshot()
@@ -84,17 +70,17 @@ class MotionServer:
             now_ns = self._node.get_clock().now().nanoseconds
             age = Age((now_ns - conversions.nanoseconds(request.trajectory.header.stamp)) * 1e-9)
             trajectory = bridge_messages.trajectory_of(request.trajectory)
-            self._permit(trajectory, request.library_hash)
+            self._node.permit(trajectory, request.library_hash)
             await elsewhere(self._node, lambda: bridge.judge_motion(trajectory, request.lease), "judge a motion")
-            if self._ready() is not bridge:
+            if self._node.ready() is not bridge:
                 raise Refused("the bridge was opened anew while the motion was judged; arm again")
-            self._permit(trajectory, request.library_hash)  # judging may have taken seconds
+            self._node.permit(trajectory, request.library_hash)  # judging may have taken seconds
             motion = bridge.execute(trajectory, request.lease, age.now_s())
         except BridgeError as error:
             self._node.get_logger().warning(f"motion refused: {error}")
             goal.abort()
             return ExecuteStruts.Result(reason=str(error), length_m=lengths_m)
-        self._accepted(request.trajectory)
+        self._topics.publish(ASKED, request.trajectory)
         if goal.is_cancel_requested:
             motion.cancel("cancelled by its commander")
         done: Future = Future()

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from functools import partial
 
 import numpy as np
 from rclpy.lifecycle import LifecycleNode
@@ -78,18 +79,13 @@ class StillWatch:
 
 
 class Observing:
-    """Follows one observer at a time. Its callbacks come in the observer's own thread.
-
-    Attributes:
-        there: whether the observer is; None: none is expected.
-    """
+    """Follows one observer at a time. Its callbacks come in the observer's own thread."""
 
     def __init__(self, node: LifecycleNode, topics: RecordedTopics, frame: str, stall_limit_m: float):
         """Args: frame: of observed joints. stall_limit_m: see `stalled`."""
         self._node = node
         self._topics = topics
         self._frame = frame
-        self._observed = topics.publisher(OBSERVED_JOINTS)
         self._news = ObservationFilter()
         self._client: ObserverClient | None = None
         self._bridge: RemoteBridge | None = None
@@ -98,7 +94,7 @@ class Observing:
         self._stall_limit_m = stall_limit_m
         self._still = StillWatch()
         self._published_s = 0.0
-        self.there: bool | None = None
+        self.there: bool | None = None  # None: none is expected
 
     def begin(self, bridge: RemoteBridge, given: str) -> None:
         """Follow the observer that was given, else the virtual prototype's own, if there is one."""
@@ -108,7 +104,7 @@ class Observing:
         path = given or bridge.observer
         if path:
             self.there = False
-            self._client = ObserverClient(path, self._on_observation, self._on_observer)
+            self._client = ObserverClient(path, self._on_observation, partial(setattr, self, "there"))
 
     def end(self) -> None:
         """Leave the observer."""
@@ -162,7 +158,4 @@ class Observing:
         if time.monotonic() - self._published_s >= OBSERVED_PERIOD_S:
             self._published_s = time.monotonic()
             header = Header(stamp=self._node.get_clock().now().to_msg(), frame_id=self._frame)
-            self._topics.publish(self._observed, bridge_messages.observed_joints(observation, header))
-
-    def _on_observer(self, there: bool) -> None:
-        self.there = there
+            self._topics.publish(OBSERVED_JOINTS, bridge_messages.observed_joints(observation, header))

@@ -11,7 +11,6 @@ import time
 
 from rclpy.lifecycle import LifecycleNode
 
-from hardware_bridge.errors import Refused
 from sim_core.twin.live_bridge import is_fresh
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_robot.ros import qos
@@ -41,31 +40,32 @@ class OtherBridges:
         """A session of this bridge; what it told before is its own, too."""
         self._own.add(session)
 
-    def require_none(self) -> None:
-        """Raises Refused: another bridge is there, and where."""
+    def found(self) -> str:
+        """Where another bridge is, and what to do; empty: there is none."""
         now = time.monotonic()
         for session, (heard_s, port) in self._heard.items():
             if session not in self._own and now - heard_s < HEARD_S:
                 name = self._node.resolve_topic_name(BRIDGE_STATE.name)
-                raise Refused(
+                return (
                     f"another bridge, with port {port}, answers to the same names ({name}): end it, or start this one in a "
                     "namespace or ROS domain of its own"
                 )
+        return ""
 
     @property
     def may_be_late(self) -> bool:
         """Another one may have been there before, and is only heard now."""
         return time.monotonic() - self._made_s < LATE_S
 
-    def listen(self) -> None:
-        """Wait until every bridge that is there must have been heard. In the executor's thread, or before there is one."""
+    def listen(self) -> str:
+        """As `found`, once every bridge that is there must have been heard. In the executor's thread, or before there is one."""
         while True:
             with self._states.handle:
                 taken = self._states.handle.take_message(BridgeState, False)
             if taken is not None:
                 self._hear(taken[0])
             elif time.monotonic() - self._made_s > LISTEN_S:
-                return
+                return self.found()
             else:
                 time.sleep(0.01)
 

@@ -24,7 +24,7 @@ from rclpy.signals import SignalHandlerOptions
 from std_srvs.srv import Trigger
 
 from hardware_bridge.driver.bridge_host import MOST_BYTES, BridgeHost
-from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from tensegrity_robot.ros.discovery import set_discovery
 
 COMMAND = (sys.executable, "-m", "tensegrity_robot.bridge.port_process")
 
@@ -51,7 +51,7 @@ def main() -> int:
         os.setpriority(os.PRIO_PROCESS, 0, PRIORITY)
     connection = Connection(int(sys.argv[-1]))
     os.set_inheritable(connection.fileno(), False)
-    os.environ.update(discovery_changes(os.environ, loopback_profile()))
+    set_discovery()
     host = BridgeHost(connection)
     signal.signal(signal.SIGTERM, lambda *_: threading.Thread(target=_end, args=(host,)).start())
     try:

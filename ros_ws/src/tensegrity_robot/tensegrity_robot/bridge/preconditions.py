@@ -44,11 +44,7 @@ class MotionConditions:
     def require_movable(self, trajectory: Trajectory, library_hash: str) -> None:
         """Raises Refused: this motion must not begin, and why. The way back to mid stroke is always open.
 
-        What the supervisor refuses anyhow is left to it: its reason comes first.
-
-        Args:
-            trajectory: the motion.
-            library_hash: of the library that the motion comes from; empty: from none.
+        What the supervisor refuses anyhow is left to it: its reason comes first. `library_hash`: of the motion; empty: none.
         """
         snapshot = self._bridge.snapshot()
         if snapshot.mode not in (Mode.ARMED, Mode.HOLD) or self._bridge.returns(trajectory):

@@ -1,50 +1,54 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bridge's services: each asks the bridge and puts its answer, or its refusal, into words."""
+"""The bridge's services, but for `stop` (see `port_process`), and the lease's proofs."""
 
 from __future__ import annotations
 
-from typing import Protocol
+from collections.abc import Awaitable, Callable
+from typing import TYPE_CHECKING, Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.lifecycle import LifecycleNode
 from std_srvs.srv import Trigger
 
-from hardware_bridge.driver.remote_bridge import RemoteBridge
 from hardware_bridge.errors import BridgeError, Refused
 from hardware_bridge.safety.lease_proof import Verifier
 from tensegrity_interfaces.msg import FaceObservation, LeaseProof
-from tensegrity_interfaces.srv import Arm, Disarm, SetFace
+from tensegrity_interfaces.srv import Arm, Disarm, LogTrial, SetFace
+from tensegrity_robot.bridge.recorded_topics import RecordedTopics
 from tensegrity_robot.ros.background import elsewhere
-from tensegrity_robot.ros.topics import LEASE
+from tensegrity_robot.ros.topics import LEASE, TRIAL
 
-
-class Owner(Protocol):
-    """Who has the bridge."""
-
-    def bridge(self) -> RemoteBridge:
-        """The open bridge. Raises Refused: there is none, with what to do."""
-
-    def ready(self) -> RemoteBridge:
-        """The bridge, if commands are taken. Raises Refused."""
-
-    def confirmed_lengths_m(self) -> list[float | None] | None:
-        """What is known about struts of unknown length. Raises Refused: this robot must not be armed now, and why."""
+if TYPE_CHECKING:
+    from tensegrity_robot.bridge.hardware_bridge_node import HardwareBridgeNode
 
 
 class BridgeCalls:
-    """Services of a node, but for `stop` (see `bridge_process`), and the lease's proofs."""
+    """Each service asks the bridge and puts its answer, or its refusal, into words."""
 
-    def __init__(self, node: LifecycleNode, owner: Owner):
+    def __init__(self, node: HardwareBridgeNode, topics: RecordedTopics):
         self._node = node
-        self._owner = owner
+        self._topics = topics
         self._lease = ""
         self._verifier: Verifier | None = None
-        node.create_service(Disarm, "bridge/disarm", self._on_disarm)
-        # These wait, for the judge of shapes and for the port; in the node's own group everything else would wait with them.
-        node.create_service(Arm, "bridge/arm", self._on_arm, callback_group=ReentrantCallbackGroup())
-        node.create_service(Trigger, "reset", self._on_reset, callback_group=ReentrantCallbackGroup())
-        node.create_service(SetFace, "set_face", self._on_set_face)
+        self._serve(Disarm, "bridge/disarm", self._disarm)
+        self._serve(SetFace, "set_face", self._set_face)
+        # These wait: for the judge of shapes, the port, the disk. In the node's own group everything else would wait with them.
+        self._serve(Arm, "bridge/arm", self._arm, ReentrantCallbackGroup())
+        self._serve(Trigger, "reset", self._reset, ReentrantCallbackGroup())
+        self._serve(LogTrial, "log_trial", self._log_trial, ReentrantCallbackGroup())
         LEASE.subscribe(node, self._on_proof)
+
+    def _serve(self, kind: Any, name: str, act: Callable[[Any, Any], Awaitable[str]], group: Any = None) -> None:
+        """Offer a service. `act` does what is asked and says so, or raises BridgeError."""
+
+        async def answer(request: Any, response: Any) -> Any:
+            try:
+                response.message = await act(request, response)
+                response.success = True
+            except BridgeError as error:
+                response.message = str(error)
+            return response
+
+        self._node.create_service(kind, name, answer, callback_group=group)
 
     def let_go(self) -> None:
         """Ends any motion, struts held, and takes the lease back."""
@@ -52,59 +56,52 @@ class BridgeCalls:
         if not lease:
             return
         try:
-            self._owner.bridge().disarm(lease)
+            self._node.bridge().disarm(lease)
         except BridgeError as error:
             self._node.get_logger().info(str(error))
 
-    async def _on_arm(self, request: Arm.Request, response: Arm.Response) -> Arm.Response:
-        try:
-            bridge = self._owner.ready()
-            lengths = self._owner.confirmed_lengths_m()
-            if request.confirmed_lengths_m:
-                lengths = list(request.confirmed_lengths_m)
-            if request.lifted_and_clear:
-                await elsewhere(self._node, lambda: bridge.judge_homing(lengths), "judge homing")
-                if self._owner.ready() is not bridge:
-                    raise Refused("the bridge was opened anew meanwhile; arm again")
-            holder = request.holder or "somebody"
-            self._lease = response.lease = bridge.arm(holder, request.lifted_and_clear, lengths, request.prototype)
-            self._verifier = Verifier(self._lease)
-            response.session = bridge.snapshot().session
-            response.success, response.message = True, "homing has begun; wait for ARMED in bridge/state"
-        except BridgeError as error:
-            response.message = str(error)
-        return response
+    async def _arm(self, request: Arm.Request, response: Arm.Response) -> str:
+        bridge = self._node.ready()
+        lengths = self._node.confirmed_lengths_m()
+        if request.confirmed_lengths_m:
+            lengths = list(request.confirmed_lengths_m)
+        if request.lifted_and_clear:
+            await elsewhere(self._node, lambda: bridge.judge_homing(lengths), "judge homing")
+            if self._node.ready() is not bridge:
+                raise Refused("the bridge was opened anew meanwhile; arm again")
+        holder = request.holder or "somebody"
+        self._lease = response.lease = bridge.arm(holder, request.lifted_and_clear, lengths, request.prototype)
+        self._verifier = Verifier(self._lease)
+        response.session = bridge.snapshot().session
+        return "homing has begun; wait for ARMED in bridge/state"
 
-    def _on_disarm(self, request: Disarm.Request, response: Disarm.Response) -> Disarm.Response:
-        try:
-            self._owner.ready().disarm(request.lease)
-            response.success, response.message = True, "DISARMED; the struts hold"
-        except BridgeError as error:
-            response.message = str(error)
-        return response
+    async def _disarm(self, request: Disarm.Request, _response: Disarm.Response) -> str:
+        self._node.ready().disarm(request.lease)
+        return "DISARMED; the struts hold"
 
-    async def _on_reset(self, _request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        try:
-            bridge = self._owner.ready()
-            await elsewhere(self._node, bridge.reset, "reset")  # it may have to open the port again, which can take seconds
-            response.success, response.message = True, "DISARMED; arm again"
-        except BridgeError as error:
-            response.message = str(error)
-        return response
+    async def _reset(self, _request: Trigger.Request, _response: Trigger.Response) -> str:
+        bridge = self._node.ready()
+        await elsewhere(self._node, bridge.reset, "reset")  # it may have to open the port again, which can take seconds
+        return "DISARMED; arm again"
 
-    def _on_set_face(self, request: SetFace.Request, response: SetFace.Response) -> SetFace.Response:
-        try:
-            source = request.source or FaceObservation.SOURCE_OPERATOR
-            event = self._owner.bridge().observe_face(request.face, source, True, "set_face")
-            response.success, response.message = True, f"event {event.seq}: the robot stands on {request.face or 'no face'}"
-        except BridgeError as error:
-            response.message = str(error)
-        return response
+    async def _set_face(self, request: SetFace.Request, _response: SetFace.Response) -> str:
+        source = request.source or FaceObservation.SOURCE_OPERATOR
+        event = self._node.bridge().observe_face(request.face, source, True, "set_face")
+        return f"event {event.seq}: the robot stands on {request.face or 'no face'}"
+
+    async def _log_trial(self, request: LogTrial.Request, _response: LogTrial.Response) -> str:
+        """A line of a session's ledger, in the bag and on the disk before it is acknowledged."""
+        log = self._topics.log
+        if log is None or log.path is None:
+            raise Refused("the bridge does not record: start it with record:=true")
+        self._topics.publish(TRIAL, request.record)
+        await elsewhere(self._node, log.sync, "sync the bag")
+        return f"in {log.path}"
 
     def _on_proof(self, message: LeaseProof) -> None:
         if self._verifier is None or not self._verifier.accepts(message.counter, message.proof.tobytes()):
             return
         try:
-            self._owner.bridge().prove(self._lease)
+            self._node.bridge().prove(self._lease)
         except BridgeError as error:
             self._node.get_logger().debug(str(error))

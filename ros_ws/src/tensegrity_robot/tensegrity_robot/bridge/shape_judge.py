@@ -19,11 +19,7 @@ class ShapeRule:
     """
 
     def __init__(self, prototype_file: str, slack_limit: int):
-        """Args: prototype_file: YAML of the robot's numbers; empty: the nominal ones.
-
-        Raises:
-            ParameterError: the file cannot be read or holds an impossible value.
-        """
+        """Raises ParameterError: the file cannot be read or holds an impossible value. An empty name: the nominal robot."""
         self._prototype = load_prototype(prototype_file or None)
         self._slack_limit = slack_limit
         self._ready = threading.Event()

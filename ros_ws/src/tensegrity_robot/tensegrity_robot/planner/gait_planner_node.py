@@ -5,17 +5,14 @@ from __future__ import annotations
 
 import concurrent.futures
 import math
-import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from builtin_interfaces.msg import Duration
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
+from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Header
@@ -39,15 +36,13 @@ from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, Law
 from sim_core.uncertainty.seeded_perturbation import MAX_SCALE
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
-from tensegrity_robot.planner.face_graph_service import serve_face_graph
 from tensegrity_robot.planner.lease_client import CALL_TIMEOUT_S, Lease
 from tensegrity_robot.planner.rehearsal_worker import Rehearser, Rehearsing, rehearsal_message
-from tensegrity_robot.planner.rehearse_service import serve_rehearse, wanted_gait
+from tensegrity_robot.planner.services import serve_face_graph, serve_rehearse, wanted_gait
 from tensegrity_robot.ros import qos, topics
-from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.event_filters import EventTimes
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
-from tensegrity_robot.ros.node_process import End, run
+from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
 
 TICK_S = 0.1
 MOST_SENDS = 5
@@ -91,51 +86,43 @@ class PlannerParameters:
     )
 
 
+@dataclass(eq=False)
 class _Running:
     """A roll that is under way."""
 
-    def __init__(self, goal: ServerGoalHandle, sequence: RollSequence):
-        self.goal = goal
-        self.sequence = sequence
-        self.begun = False
-        self.asked_at = time.monotonic()
-        self.gait: Gait | None = None
-        self.done: Future = Future()
-        self.rehearsal: concurrent.futures.Future[Rehearsing] | None = None
-        self.odds = math.nan
-        """What rehearsal says; NaN: nothing yet, or nobody asked."""
-        self.unlikely = False
-        """It is refused because of these odds."""
-        self.motion: Any = None
-        self.move: Move | None = None
-        self.sends = 0
-        """How often `move` was sent."""
-        self.motion_asked: float | None = None
-        """When the bridge was asked for the motion that is under way."""
-        self.motion_began_ns = 0
-        self.motion_s = 0.0
-        self.cancelled_at: float | None = None
+    goal: ServerGoalHandle
+    sequence: RollSequence
+    asked_at: float = field(default_factory=time.monotonic)
+    done: Future = field(default_factory=Future)
+    begun: bool = False
+    cancelled_at: float | None = None
+    gait: Gait | None = None
+    rehearsal: concurrent.futures.Future[Rehearsing] | None = None
+    probability: float = math.nan  # as rehearsed; NaN: not yet, or nobody asked
+    unlikely: bool = False  # and refused for that
+    motion: Any = None
+    move: Move | None = None
+    sends: int = 0  # of `move`
+    motion_asked: float | None = None  # when the bridge was asked for the motion that is under way
+    motion_began_ns: int = 0
+    motion_s: float = 0.0
 
 
 class GaitPlannerNode(Node):
     """See the module. Everything runs in one executor thread; no callback waits."""
 
-    def __init__(self, _end: End):
+    def __init__(self, _end: EndProcess):
         super().__init__("gait_planner")
         self._settings = p = declare_parameters(self, PlannerParameters)
-        try:
-            self._library = load_library(p.library)
-            self._graph = FaceGraph(self._library, load_odds(self._library, Path(p.odds_file) if p.odds_file else None))
-            self._prototype = load_prototype(p.prototype_file or None)
-        except SimError as error:
-            raise StartError(str(error)) from error
+        self._library = load_library(p.library)
+        self._graph = FaceGraph(self._library, load_odds(self._library, Path(p.odds_file) if p.odds_file else None))
+        self._prototype = load_prototype(p.prototype_file or None)
         self._rules = Rules(
             tuple(float(length) for length in neutral_lengths(self._prototype)),
             p.confirm == "observed",
             p.settle_timeout_s,
             p.confirm_timeout_s,
         )
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._bridge: BridgeState | None = None
         self._sent: StrutsSent | None = None
         self._twin: TwinState | None = None
@@ -151,7 +138,7 @@ class GaitPlannerNode(Node):
         topics.STRUTS_SENT.subscribe(self, lambda event: live(event, self._on_sent), qos.STATES)
         topics.BRIDGE_FACE.subscribe(self, lambda event: live(event, self._on_face))
         topics.TWIN_STATE.subscribe(self, self._on_twin)
-        self._lease = Lease(self, self._steady, self._look, p.prototype)
+        self._lease = Lease(self, self._look, p.prototype)
         self._struts = ActionClient(self, ExecuteStruts, "execute_struts")
         self._rehearsals = topics.REHEARSAL.publisher(self)
         self._rehearser = (
@@ -159,18 +146,10 @@ class GaitPlannerNode(Node):
             if p.rehearse_members
             else None
         )
-        self._server = ActionServer(
-            self,
-            Roll,
-            "roll",
-            self._execute,
-            goal_callback=self._on_goal,
-            cancel_callback=self._on_cancel,
-        )
+        self._server = ActionServer(self, Roll, "roll", self._execute, goal_callback=self._on_goal, cancel_callback=self._on_cancel)
         serve_face_graph(self, self._graph)
-        where, busy = (lambda: known_face(self._view())), (lambda: self._roll is not None)
-        serve_rehearse(self, self._graph, self._rehearser, where, busy, self._tell_rehearsal)
-        self.create_timer(TICK_S, self._tick, clock=self._steady)
+        serve_rehearse(self, self._graph, self._rehearser)
+        self.create_timer(TICK_S, self._tick, clock=STEADY)
         if self._rehearser is not None and not is_warm([Stage.BATCH]):
             self.get_logger().info("compiling the solver for rehearsal, once for these sources: a first roll waits for it")
         names = ", ".join(primitive.name for primitive in self._library.primitives)
@@ -236,6 +215,12 @@ class GaitPlannerNode(Node):
             observer=self._observer,
         )
 
+    def face_at_rest(self) -> str:
+        """Where the robot stands, for a rehearsal. Raises RollRefused: nobody knows, or a roll is running."""
+        if self._roll is not None:
+            raise RollRefused("a roll is running: ask again when it is over")
+        return known_face(self._view())
+
     def _trouble(self) -> str:
         """Why the struts may not be moved; nothing if they may, or may soon."""
         state = self._bridge
@@ -294,20 +279,16 @@ class GaitPlannerNode(Node):
             self._roll = None
 
     def _plan(self, request: Roll.Goal, source: str) -> Plan:
-        """The gait from the face known now. Raises RollRefused, naming what is valid."""
+        """The gait from the face known now. Raises SimError, naming what is valid."""
         roll = self._roll
         assert roll is not None
-        try:
-            require_adjacent(request.source_face or source, request.target_face)
-            if request.source_face and request.source_face != source:
-                raise RollRefused(
-                    f"the robot is known to stand on {source}, not on {request.source_face}: leave source_face empty, or say "
-                    "where it stands with set_face"
-                )
-            gait = wanted_gait(self._graph, source, request.target_face, request.primitive)
-        except SimError as error:
-            raise RollRefused(str(error)) from error
-        roll.gait = gait
+        require_adjacent(request.source_face or source, request.target_face)
+        if request.source_face and request.source_face != source:
+            raise RollRefused(
+                f"the robot is known to stand on {source}, not on {request.source_face}: leave source_face empty, or say where it "
+                "stands with set_face"
+            )
+        roll.gait = gait = wanted_gait(self._graph, source, request.target_face, request.primitive)
         return Plan(source, request.target_face, _lengths(lengths_of(self._prototype, gait.policy)))
 
     def _result(self, roll: _Running, outcome: Outcome) -> Roll.Result:
@@ -329,7 +310,7 @@ class GaitPlannerNode(Node):
             observed_face=outcome.observed_face,
             face_sequence=list(outcome.faces),
             duration_s=outcome.duration_s,
-            odds=roll.odds,
+            odds=roll.probability,
             unlikely=roll.unlikely,
         )
 
@@ -350,7 +331,7 @@ class GaitPlannerNode(Node):
                 face=(known.face or "") if known is not None else "",
                 progress=self._progress(roll, view),
                 length_m=view.lengths_m,
-                odds=roll.odds,
+                odds=roll.probability,
             )
         )
 
@@ -382,7 +363,7 @@ class GaitPlannerNode(Node):
         else:
             try:
                 step = roll.sequence.look(self._view())
-            except RollRefused as error:
+            except SimError as error:
                 self._end_with(roll, str(error))
                 return
             if isinstance(step, Outcome):
@@ -400,12 +381,12 @@ class GaitPlannerNode(Node):
                 if self._rehearsed(roll, view):
                     roll.begun = True
                     self._do(roll.sequence.begin(view))
-            except RollRefused as error:
+            except SimError as error:
                 self._end_with(roll, str(error))
 
     def _rehearsed(self, roll: _Running, view: View) -> bool:
-        """Whether the rehearsal of a roll is over, or not wanted. Raises RollRefused: the roll cannot be, or is too unlikely."""
-        if self._rehearser is None or not math.isnan(roll.odds):
+        """Whether the rehearsal of a roll is over, or not wanted. Raises SimError: the roll cannot be, or is too unlikely."""
+        if self._rehearser is None or not math.isnan(roll.probability):
             return True
         if roll.rehearsal is None:
             self._plan(roll.goal.request, known_face(view))
@@ -417,14 +398,15 @@ class GaitPlannerNode(Node):
             found = roll.rehearsal.result()
         except SimError as error:
             raise RollRefused(f"the roll cannot be rehearsed: {error}; rehearse_members:=0 rolls without") from error
-        self._tell_rehearsal(found)
-        roll.odds = found.wanted.rate.value
-        if roll.odds < self._settings.least_odds and not roll.goal.request.anyway:
+        self.tell_rehearsal(found)
+        roll.probability = found.wanted.rate.value
+        if roll.probability < self._settings.least_odds and not roll.goal.request.anyway:
             roll.unlikely = True
             raise RollRefused(_unlikely(found, self._settings.least_odds))
         return True
 
-    def _tell_rehearsal(self, found: Rehearsing) -> Rehearsal:
+    def tell_rehearsal(self, found: Rehearsing) -> Rehearsal:
+        """Publishes what was found; the message."""
         assert self._rehearser is not None
         message = rehearsal_message(found, self._rehearser.law)
         message.header.stamp = self.get_clock().now().to_msg()
@@ -463,7 +445,8 @@ class GaitPlannerNode(Node):
         self._struts.send_goal_async(goal).add_done_callback(lambda future: self._on_motion_answer(roll, future))
 
     def _trajectory(self, knots: tuple[Knot, ...]) -> JointTrajectory:
-        points = [JointTrajectoryPoint(positions=list(knot.lengths_m), time_from_start=_duration(knot.time_s)) for knot in knots]
+        after = lambda time_s: Duration(nanoseconds=round(time_s * 1e9)).to_msg()  # noqa: E731
+        points = [JointTrajectoryPoint(positions=list(knot.lengths_m), time_from_start=after(knot.time_s)) for knot in knots]
         return JointTrajectory(header=Header(stamp=self.get_clock().now().to_msg()), joint_names=STRUT_NAMES, points=points)
 
     def _on_motion_answer(self, roll: _Running, future: Future) -> None:
@@ -507,15 +490,6 @@ def _lengths(values: Any) -> Lengths:
     return tuple(float(value) for value in values)
 
 
-def _duration(seconds: float) -> Duration:
-    nanoseconds = round(seconds * 1e9)
-    return Duration(sec=nanoseconds // 1_000_000_000, nanosec=nanoseconds % 1_000_000_000)
-
-
 def main(args: list[str] | None = None) -> int:
     """The executable `gait_planner`."""
     return run(GaitPlannerNode, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

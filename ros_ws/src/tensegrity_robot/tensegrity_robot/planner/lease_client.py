@@ -8,7 +8,6 @@ from collections.abc import Callable
 from typing import Any
 
 from rclpy.callback_groups import ReentrantCallbackGroup
-from rclpy.clock import Clock
 from rclpy.node import Node
 from rclpy.task import Future
 
@@ -16,6 +15,7 @@ from hardware_bridge.safety.lease_proof import Prover
 from sim_core.printable import NAME_MOST, printable
 from tensegrity_interfaces.msg import BridgeState, LeaseProof
 from tensegrity_interfaces.srv import Arm, Disarm
+from tensegrity_robot.ros.node_process import STEADY
 from tensegrity_robot.ros.topics import LEASE
 
 PERIOD_S = 0.1
@@ -35,19 +35,18 @@ class Lease:
         session: the bridge's, that was armed.
     """
 
-    def __init__(self, node: Node, clock: Clock, changed: Callable[[], None], prototype: str = ""):
+    def __init__(self, node: Node, changed: Callable[[], None], prototype: str = ""):
         """Begin to listen and to prove.
 
         Args:
-            node: the planner's or the traveller's.
-            clock: of the timers, steady.
+            node: the planner's.
             changed: called when the lease was given back.
             prototype: instance of the only virtual prototype that may be armed; empty: whoever arms says, or any robot.
         """
         self._prototype = prototype
         self.held = self.session = ""
         self._prover = Prover("")
-        self._node, self._clock, self._changed = node, clock, changed
+        self._node, self._changed = node, changed
         self._holder = ""
         self._seen = False
         self._disarming = False
@@ -58,7 +57,7 @@ class Lease:
         waiting = ReentrantCallbackGroup()  # for the bridge's answer; in the node's own group all else would wait with them
         node.create_service(Arm, "arm", self._on_arm, callback_group=waiting)
         node.create_service(Disarm, "disarm", self._on_disarm, callback_group=waiting)
-        node.create_timer(PERIOD_S, self._prove_life, clock=clock)
+        node.create_timer(PERIOD_S, self._prove_life, clock=STEADY)
 
     @property
     def unheard_s(self) -> float:
@@ -95,7 +94,6 @@ class Lease:
             self.held, self.session, self._holder, self._seen = answer.lease, answer.session, request.holder, False
             self._prover = Prover(answer.lease)
             self._prove_life()
-            answer.message = answer.message or "homing has begun; rolls are possible when bridge/state says ARMED"
             self._node.get_logger().info(f"armed for {request.holder}; homing")
         else:
             self._node.get_logger().warning(f"arm refused: {answer.message}")
@@ -133,7 +131,7 @@ class Lease:
                 asked[0].add_done_callback(lambda done: answered.done() or answered.set_result(done.result()))
 
         attend()
-        timer = self._node.create_timer(CALL_POLL_S, attend, clock=self._clock)
+        timer = self._node.create_timer(CALL_POLL_S, attend, clock=STEADY)
         try:
             return await answered
         finally:

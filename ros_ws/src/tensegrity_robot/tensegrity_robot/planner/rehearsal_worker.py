@@ -20,15 +20,10 @@ from tensegrity_interfaces.msg import Rehearsal, RehearsedGait
 
 
 class Rehearsing(NamedTuple):
-    """A rehearsal that is over.
+    """A rehearsal that is over."""
 
-    Attributes:
-        gaits: the wanted gait first, then the best one to each other neighbouring face.
-        seconds: wall-clock time it took.
-    """
-
-    gaits: tuple[Rehearsed, ...]
-    seconds: float
+    gaits: tuple[Rehearsed, ...]  # the wanted one first, then the best one to each other neighbouring face
+    seconds: float  # of wall-clock time
 
     @property
     def wanted(self) -> Rehearsed:
@@ -37,11 +32,7 @@ class Rehearsing(NamedTuple):
 
 
 class Rehearser:
-    """Rehearses rolls, one after the other, on an ensemble that is built when it is first needed.
-
-    Attributes:
-        law: how the ensemble's members differ.
-    """
+    """Rehearses rolls, one after the other, on an ensemble whose members differ by `law`."""
 
     def __init__(self, prototype: Prototype, law: Law, members: int, seed: int):
         """Args: members: robots of the ensemble. seed: draws them. Begins to build them; raises nothing."""

@@ -7,10 +7,10 @@ It asks the planner for every roll and never the bridge for a motion: what the p
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,19 +20,15 @@ from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion
 from nav_msgs.msg import Path as PathMessage
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
-from rclpy.clock import Clock
-from rclpy.clock_type import ClockType
 from rclpy.node import Node
 from rclpy.task import Future
 from std_msgs.msg import Header
 
 from sim_core.dynamics.model import build_model
-from sim_core.errors import SimError
 from sim_core.gaits.library import load_library
 from sim_core.gaits.success_probability import load_odds
 from sim_core.planning.floor_planner import REACH_M, Floor, Stance
-from sim_core.planning.travel import End as JourneyEnd
-from sim_core.planning.travel import Journey, Rules, Step
+from sim_core.planning.travel import End, Journey, Rules, Step
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.live_bridge import FRESH_S, LiveBridge, age_s, is_fresh
@@ -40,9 +36,8 @@ from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import FaceGraph
 from tensegrity_robot.ros import topics
-from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
-from tensegrity_robot.ros.node_process import End, run
+from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
 
 TICK_S = 0.1
 FOUND_LIMIT_S = 10.0
@@ -75,33 +70,29 @@ class _Ended(Exception):
     """The travel cannot go on; for people."""
 
 
+@dataclass(eq=False)
 class _Travel:
     """One that is under way."""
 
-    def __init__(self, handle: ServerGoalHandle, journey: Journey):
-        self.handle = handle
-        self.journey = journey
-        self.phase = "looking where the robot is"
-        self.step: Step | None = None
-        self.roll: Any = None
-        self.robot_s = 0.0
+    handle: ServerGoalHandle
+    journey: Journey
+    phase: str = "looking where the robot is"
+    step: Step | None = None
+    roll: Any = None
+    robot_s: float = 0.0
 
 
 class TravellerNode(Node):
     """See the module. Everything runs in one executor thread; planning a way takes it for a second at most."""
 
-    def __init__(self, _end: End):
+    def __init__(self, _end: EndProcess):
         super().__init__("traveller")
         self._settings = p = declare_parameters(self, TravellerParameters)
-        try:
-            self._library = load_library(p.library)
-            self._odds = load_odds(self._library, Path(p.odds_file) if p.odds_file else None)
-            prototype = load_prototype(p.prototype_file or None)
-        except SimError as error:
-            raise StartError(str(error)) from error
+        self._library = load_library(p.library)
+        self._odds = load_odds(self._library, Path(p.odds_file) if p.odds_file else None)
+        prototype = load_prototype(p.prototype_file or None)
         self._speed_m_s = prototype.actuator_speed_m_s
         self._floor = Floor(build_model(prototype))
-        self._steady = Clock(clock_type=ClockType.STEADY_TIME)
         self._bridge: BridgeState | None = None
         self._face: FaceObservation | None = None
         self._twin: TwinState | None = None
@@ -112,10 +103,10 @@ class TravellerNode(Node):
         self._waiting: list[tuple[Callable[[], object], float, Future]] = []
 
         self._live = live = LiveBridge(self.get_logger().warning)
-        keep = self._keep("_face")
+        keep = partial(partial, setattr, self)
         topics.BRIDGE_STATE.subscribe(self, self._on_bridge_state)
-        topics.BRIDGE_FACE.subscribe(self, lambda event: live.takes(event, keep))
-        topics.TWIN_STATE.subscribe(self, self._keep("_twin"))
+        topics.BRIDGE_FACE.subscribe(self, lambda event: live.takes(event, keep("_face")))
+        topics.TWIN_STATE.subscribe(self, keep("_twin"))
         topics.TWIN_JOINTS.subscribe(self, self._keep_joints("_twin_joints"))
         topics.OBSERVED_JOINTS.subscribe(self, self._keep_joints("_seen_joints"))
         topics.GOAL_POSE.subscribe(self, self._on_goal_pose)
@@ -127,7 +118,7 @@ class TravellerNode(Node):
         self._server = ActionServer(
             self, Travel, "travel", self._execute, goal_callback=self._on_goal, cancel_callback=self._on_cancel
         )
-        self.create_timer(TICK_S, self._tick, clock=self._steady)
+        self.create_timer(TICK_S, self._tick, clock=STEADY)
         self.get_logger().info(
             f"library {self._library.name} ({self._library.hash}); goals on {self.resolve_topic_name('goal_pose')}"
         )
@@ -146,9 +137,6 @@ class TravellerNode(Node):
         self._own.destroy()
 
     # ---- what is known ----------------------------------------------------------------------------------------------
-
-    def _keep(self, name: str) -> Callable[[Any], None]:
-        return lambda message: setattr(self, name, message)
 
     def _on_bridge_state(self, message: BridgeState) -> None:
         if self._live.hears(message, self.get_clock().now().nanoseconds):
@@ -253,7 +241,7 @@ class TravellerNode(Node):
         try:
             end = await self._go(travel, bool(request.anyway))
         except _Ended as ended:
-            end = JourneyEnd(False, str(ended))
+            end = End(False, str(ended))
         finally:
             self._travel = None
         self._show(request.goal, None)
@@ -277,14 +265,14 @@ class TravellerNode(Node):
             face_sequence=journey.faces,
         )
 
-    async def _go(self, travel: _Travel, anyway: bool) -> JourneyEnd:
+    async def _go(self, travel: _Travel, anyway: bool) -> End:
         await self._until(travel, lambda: self._bridge is not None and self._joints(0.0) is not None, FOUND_LIMIT_S, _ALONE)
         await self._same_library(travel)
         since = 0.0
         while True:
             stance = await self._stance(travel, since)
             found = travel.journey.look(stance)
-            if isinstance(found, JourneyEnd):
+            if isinstance(found, End):
                 return found
             travel.step = found
             self._show(travel.handle.request.goal, found)
@@ -419,7 +407,3 @@ def _pose(stance: Stance) -> Pose:
 def main(args: list[str] | None = None) -> int:
     """The executable `traveller`."""
     return run(TravellerNode, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -5,29 +5,24 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.task import Future
 
 
-def elsewhere(node: Node, work: Callable[[], None], name: str) -> Future:
-    """Runs `work` in a thread of its own; await the answer, or its exception, in a callback of the node."""
+def elsewhere(node: Node, work: Callable[[], Any], name: str) -> Future:
+    """Runs `work` in a thread of its own; await what it returns or raises in a callback of the node."""
     done: Future = Future()
 
-    def finish(error: Exception | None) -> None:
-        if error is None:
-            done.set_result(None)
-        else:
-            done.set_exception(error)
-
     def body() -> None:
-        error: Exception | None = None
         try:
-            work()
-        except Exception as failure:
-            error = failure
+            finish = partial(done.set_result, work())
+        except Exception as error:
+            finish = partial(done.set_exception, error)
         if node.executor is not None:
-            node.executor.create_task(finish, error)
+            node.executor.create_task(finish)
 
     threading.Thread(target=body, name=name, daemon=True).start()
     return done

@@ -33,7 +33,7 @@ def nanoseconds(stamp: Time) -> int:
     return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
 
 
-def stamp(since_1970_ns: int) -> Time:
+def stamp_of(since_1970_ns: int) -> Time:
     """ROS time of the computer's clock."""
     return Time(sec=since_1970_ns // 1_000_000_000, nanosec=since_1970_ns % 1_000_000_000)
 

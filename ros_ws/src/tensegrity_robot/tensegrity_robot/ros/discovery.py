@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -17,11 +18,7 @@ def discovery_changes(environ: Mapping[str, str], profile: Path) -> dict[str, st
 
     Nothing asked for, or `LOCALHOST`: every socket on loopback, by the profile, which is only read in full where ROS leaves the
     range to it. `SUBNET` is the explicit choice of a wider network, static peers and a profile of the user's own are others:
-    they stay as they are.
-
-    Args:
-        environ: the environment as it is.
-        profile: config/loopback.xml.
+    they stay as they are. `profile`: config/loopback.xml.
     """
     # Fast DDS's shared memory holds locks that all its users wait for: a process killed at the wrong moment would leave the bridge
     # waiting for ever. Over UDP nobody's death concerns another.
@@ -34,8 +31,9 @@ def discovery_changes(environ: Mapping[str, str], profile: Path) -> dict[str, st
     return changes | {PROFILES: str(profile), RANGE: "SYSTEM_DEFAULT"}
 
 
-def loopback_profile() -> Path:
-    """The installed profile."""
+def set_discovery() -> None:
+    """Change this process's environment so; to be called before rclpy's start."""
     from ament_index_python.packages import get_package_share_directory
 
-    return Path(get_package_share_directory("tensegrity_robot")) / "config" / "loopback.xml"
+    profile = Path(get_package_share_directory("tensegrity_robot")) / "config" / "loopback.xml"
+    os.environ.update(discovery_changes(os.environ, profile))

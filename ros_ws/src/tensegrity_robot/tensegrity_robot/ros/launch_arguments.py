@@ -54,11 +54,9 @@ def require_known(names: Collection[str]) -> None:
 
 
 def require_arguments(given: Mapping[str, str], prefix_of: Callable[[str], str]) -> None:
-    """Raises StartError: something that cannot be, with what is valid.
+    """Raises StartError: something that cannot be, with what is valid. `given`: every one of `ARGUMENTS`.
 
-    Args:
-        given: every argument of `ARGUMENTS`.
-        prefix_of: where a package is installed; raises LookupError (ament's `get_package_prefix`).
+    `prefix_of`: where a package is installed; raises LookupError (ament's `get_package_prefix`).
     """
     virtual = truth(given, "virtual")
     port = given["port"]

@@ -40,8 +40,7 @@ def parameter(
 def declare_parameters(node: Node, settings: type[T]) -> T:
     """Declare every field of `settings` on the node, read-only, and return it filled with the values given at the start.
 
-    Raises:
-        StartError: a value of the wrong type or outside its range, naming parameter, value and what is valid.
+    Raises StartError: a value of the wrong type or outside its range, naming parameter, value and what is valid.
     """
     return settings(**{row.name: _declare(node, row) for row in fields(settings)})
 

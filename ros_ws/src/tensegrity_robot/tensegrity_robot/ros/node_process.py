@@ -12,31 +12,24 @@ import traceback
 from collections.abc import Callable
 from pathlib import Path
 from queue import SimpleQueue
-from typing import Protocol, cast
+from typing import Any
 
 import rclpy
+from rclpy.clock import Clock
+from rclpy.clock_type import ClockType
+from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
-from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+from sim_core.errors import SimError
+from tensegrity_robot.ros.discovery import set_discovery
 from tensegrity_robot.ros.errors import StartError
 
-End = Callable[[int], None]
+EndProcess = Callable[[int], None]
 """Asks the process to end with an exit code. May be called from any thread."""
 
-
-class RunnableNode(Protocol):
-    """What `run` needs of a node beside being one."""
-
-    def halt(self) -> None:
-        """Stop whatever moves, at once. Called while callbacks may still run, from another thread."""
-
-    def close(self) -> None:
-        """Let go of files, ports and threads. No callback runs any more."""
-
-    def destroy_node(self) -> None:
-        """As rclpy's."""
+STEADY = Clock(clock_type=ClockType.STEADY_TIME)
+"""Of timers that a simulated or corrected clock must not stop."""
 
 
 def age_s() -> float:
@@ -45,25 +38,35 @@ def age_s() -> float:
     return time.clock_gettime(time.CLOCK_BOOTTIME) - int(fields[19]) / os.sysconf("SC_CLK_TCK")
 
 
-def run(make_node: Callable[[End], RunnableNode], args: list[str] | None = None) -> int:
-    """Make the node, spin it on a single-threaded executor until SIGINT, SIGTERM or `End`, end it; return the exit code.
+def own_context(domain: int | None = None) -> Context:
+    """ROS in a program that is no node: a context of its own, and signals stay the program's. `domain`: None: the shell's."""
+    if domain is None:
+        set_discovery()
+    context = Context()
+    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    return context
+
+
+def run(make_node: Callable[[EndProcess], Any], args: list[str] | None = None) -> int:
+    """Make the node, spin it on a single-threaded executor until SIGINT, SIGTERM or `EndProcess`, end it; return the exit code.
 
     The executor has a thread of its own; the main thread only waits for the end. A signal therefore interrupts no callback, and a
-    second one disturbs no clean-up.
+    second one disturbs no clean-up. Beside rclpy's own methods the node has `halt`, which stops whatever moves at once, while
+    callbacks may still run, and `close`, which lets go of files, ports and threads when none runs any more.
     """
-    os.environ.update(discovery_changes(os.environ, loopback_profile()))
+    set_discovery()
     ends: SimpleQueue[int] = SimpleQueue()  # its put may be called from a signal handler
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ends.put(0))
     rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
         node = make_node(ends.put)
-    except StartError as error:
+    except (StartError, SimError) as error:
         print(f"error: {error}", file=sys.stderr)
         rclpy.try_shutdown()
         return 1
     executor = SingleThreadedExecutor()
-    executor.add_node(cast(Node, node))
+    executor.add_node(node)
 
     def spin() -> None:
         try:

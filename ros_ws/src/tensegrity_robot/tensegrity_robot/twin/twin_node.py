@@ -8,7 +8,6 @@ at the model.
 
 from __future__ import annotations
 
-import sys
 import threading
 import time
 from collections import deque
@@ -26,7 +25,7 @@ from hardware_bridge.driver.frame_timer import Streamer
 from sim_core.dynamics.actuators import following, require_actuators
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
-from sim_core.errors import DivergedError, SimError
+from sim_core.errors import DivergedError
 from sim_core.rolling.warm_up import Stage, is_warm, warm_up
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.topology import require_face
@@ -39,7 +38,7 @@ from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 from tensegrity_robot.ros import conversions, topics
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
-from tensegrity_robot.ros.node_process import End, age_s, run
+from tensegrity_robot.ros.node_process import EndProcess, age_s, run
 from tensegrity_robot.twin.markers import markers
 
 CATCH_UP_S = 0.02
@@ -83,33 +82,27 @@ class _Shown(NamedTuple):
 class TwinNode(Node):
     """See the module."""
 
-    def __init__(self, end: End):
+    def __init__(self, end: EndProcess):
         super().__init__("twin")
-        self._end = end
         self._settings = p = declare_parameters(self, TwinParameters)
-        try:
-            require_face(p.start_face)
-            prototype = load_prototype(p.prototype_file or None)
-            self._actuators = require_actuators(p.actuators)
-            if self._actuators is not None:
-                if p.mode == "standalone":
-                    raise StartError(f"actuators {p.actuators!r}: a stand-alone twin has ideal ones only")
-                prototype = following(prototype, self._actuators)
-            if not is_warm():
-                self.get_logger().info("compiling the solver, once for these sources: some seconds")
-                warm_up([Stage.ROBOT])
-            self._model = perturb(build_model(prototype), p.perturbation, p.seed)
-            self._alone = StandAlone(self._model, p.start_face, p.time_scale) if p.mode == "standalone" else None
-            self._follower = Follower(self._model, p.start_face, self._actuators)
-        except SimError as error:
-            raise StartError(str(error)) from error
+        require_face(p.start_face)
+        prototype = load_prototype(p.prototype_file or None)
+        self._actuators = require_actuators(p.actuators)
+        if self._actuators is not None:
+            if p.mode == "standalone":
+                raise StartError(f"actuators {p.actuators!r}: a stand-alone twin has ideal ones only")
+            prototype = following(prototype, self._actuators)
+        if not is_warm():
+            self.get_logger().info("compiling the solver, once for these sources: some seconds")
+            warm_up([Stage.ROBOT])
+        self._model = perturb(build_model(prototype), p.perturbation, p.seed)
+        self._alone = StandAlone(self._model, p.start_face, p.time_scale) if p.mode == "standalone" else None
+        self._follow_from(p.start_face)
         self._stream = EventStream(mid_stroke_m=prototype.strut_length_m, warn=self.get_logger().warning)
         self._due: deque[Event | Begin] = deque()
         self._dropped = 0
         self._waiting_since: float | None = None
-        self._rest = RestWatch()
         self._at_rest = False
-        self._began_on = p.start_face
         self._told_face: tuple[str, bool] | None = None
         self._turn = threading.Lock()
         """Whoever steps the model, or shows it, holds it."""
@@ -132,7 +125,7 @@ class TwinNode(Node):
         if p.markers_hz > 0.0:
             self.create_timer(1.0 / p.markers_hz, self._publish_markers)
         self.get_logger().info(f"twin ({p.mode}) stands on {p.start_face}, model {self._follower.identity}")
-        self._deadlines = Streamer(self._on_deadline, self._on_failure, 1.0 / p.rate_hz, "twin states")
+        self._deadlines = Streamer(self._on_deadline, lambda _error: end(1), 1.0 / p.rate_hz, "twin states")
         self._deadlines.start()
 
     # ---- process ----------------------------------------------------------------------------------------------------
@@ -140,9 +133,6 @@ class TwinNode(Node):
     def halt(self) -> None:
         """Publishes nothing more."""
         self._deadlines.stop()
-
-    def _on_failure(self, _error: Exception) -> None:
-        self._end(1)
 
     def close(self) -> None:
         """Nothing to let go of."""
@@ -191,7 +181,7 @@ class TwinNode(Node):
                 continue
             self._at_rest = self._rest.at_rest(self._follower.robot, self._follower.step)
             if isinstance(event, Observed) and event.settled:
-                self._publish_state()
+                self._state.publish(self._show().state)
             self._tell_face()
 
     def _begin_in_time(self) -> None:
@@ -204,15 +194,17 @@ class TwinNode(Node):
 
     def _begin(self, begin: Begin) -> None:
         """A new stream: begin where the robot was last seen, else where the twin believes it to stand."""
-        self._began_on = begin.face or self._follower.robot.footing().face or self._settings.start_face
-        self._follower = Follower(self._model, self._began_on, self._actuators)
-        self._rest = RestWatch()
+        self._follow_from(begin.face or self._follower.robot.footing().face or self._settings.start_face)
         self.get_logger().info(f"the event stream begins; the twin stands on {self._began_on}")
 
     def _begin_again(self, error: DivergedError) -> None:
         """Commands that tear the model apart end no twin."""
         self.get_logger().error(f"{error}: the twin begins again, at rest on {self._began_on}")
-        self._follower = Follower(self._model, self._began_on, self._actuators)
+        self._follow_from(self._began_on)
+
+    def _follow_from(self, face: str) -> None:
+        self._began_on = face
+        self._follower = Follower(self._model, face, self._actuators)
         self._rest = RestWatch()
 
     # ---- stand-alone ------------------------------------------------------------------------------------------------
@@ -228,12 +220,12 @@ class TwinNode(Node):
     # ---- publishing -------------------------------------------------------------------------------------------------
 
     @property
-    def _robot(self) -> Robot:
-        return self._follower.robot if self._alone is None else self._alone.robot
+    def _now(self) -> Follower | StandAlone:
+        return self._alone or self._follower
 
     @property
-    def _robot_time_ns(self) -> int:
-        return self._follower.robot_time_ns if self._alone is None else self._alone.robot_time_ns
+    def _robot(self) -> Robot:
+        return self._now.robot
 
     def _header(self) -> Header:
         return Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
@@ -246,18 +238,15 @@ class TwinNode(Node):
                 self._alone.run_until(time.monotonic_ns())
                 self._at_rest = self._rest.at_rest(self._alone.robot, self._alone.robot.step)
                 self._shown = None
-            self._publish_state()
-            self._tell_face()
             shown = self._show()
+            self._state.publish(shown.state)
+            self._tell_face()
             self._joint_states.publish(shown.joint_states)
             self._joints.publish(shown.joints)
             self._pose.publish(shown.pose)
         if not self._told_start:
             self._told_start = True
             self.get_logger().info(f"first state published {age_s():.2f} s after the process began")
-
-    def _publish_state(self) -> None:
-        self._state.publish(self._show().state)
 
     def _show(self) -> _Shown:
         """The model as messages, stamped now; made anew only after a change, seldom at a high rate."""
@@ -278,7 +267,7 @@ class TwinNode(Node):
 
     def _state_message(self, header: Header) -> TwinState:
         message = conversions.twin_state(self._robot, header)
-        message.robot_time_ns = self._robot_time_ns
+        message.robot_time_ns = self._now.robot_time_ns
         message.face = self._robot.footing().face or ""
         message.at_rest = self._at_rest
         if self._alone is None:
@@ -288,7 +277,7 @@ class TwinNode(Node):
             message.step, message.first_seq, message.last_seq = follower.step, follower.first_seq, follower.last_seq
             message.detail = self._detail(follower.resets)
         else:
-            message.step = self._alone.robot.step
+            message.step = self._robot.step
             message.detail = f"stand-alone, {self._alone.skipped_s:.3f} s skipped"
         return message
 
@@ -308,7 +297,7 @@ class TwinNode(Node):
         self._face.publish(
             FaceObservation(
                 header=self._header(),
-                robot_time_ns=self._robot_time_ns,
+                robot_time_ns=self._now.robot_time_ns,
                 face=now[0],
                 source=FaceObservation.SOURCE_PREDICTED,
                 settled=self._at_rest,
@@ -330,7 +319,3 @@ def _arrival(message: StrutsSent | FaceObservation) -> Arrival:
 def main(args: list[str] | None = None) -> int:
     """The executable `twin`."""
     return run(TwinNode, args)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -19,22 +19,21 @@ function order(what, more = {}) {
 // What an order came to. A good answer is told until the robot's state has moved on, a stop while it is in force, a refusal until the
 // next order.
 const TOLD_MS = 3000; // at least
-let toldIn = "", toldAt = 0; // the state when it was told, and when that was
+let toldIn = "", toldAt = 0, over = false; // the state when it was told, when that was, whether the state was another one since
 
 function tell(words, kind) {
   $("told").textContent = inWordsOfThePage(words);
   $("told").className = kind || "";
-  toldIn = facts ? stateOf(facts) : "";
-  toldAt = Date.now();
+  [toldIn, toldAt, over] = [facts ? stateOf(facts) : "", Date.now(), false];
 }
 
 function forgetWhatIsOver(now) {
   const words = $("told").textContent;
-  if (!words || stopping || $("told").className === "bad" || Date.now() - toldAt < TOLD_MS) return;
-  if (words.startsWith("stopped") ? now.state !== "FAULT" : stateOf(now) !== toldIn) tell("", "");
+  over = words.startsWith("stopped") ? now.state !== "FAULT" : over || stateOf(now) !== toldIn;
+  if (words && over && !stopping && $("told").className !== "bad" && Date.now() - toldAt >= TOLD_MS) tell("", "");
 }
 
-const stateOf = (now) => [now.alive && now.state, Boolean(now.roll), Boolean(now.travel)].join();
+const stateOf = (now) => [now.alive && now.state, Boolean(now.roll), Boolean(now.travel), now.last].join();
 
 // The nodes tell people at a terminal which service to call; here there is a button for it.
 const BUTTONS = { arm: "press Arm", reset: "press Reset", set_face: "choose it below Face", disarm: "press Disarm" };
@@ -42,21 +41,20 @@ const BUTTONS = { arm: "press Arm", reset: "press Reset", set_face: "choose it b
 function inWordsOfThePage(words) {
   return words
     .replace(/ros2 service call \S*?(disarm|arm|reset|set_face) [\w/]+(?: "\{[^"]*\}")?/g, (_, name) => BUTTONS[name])
-    .replace("rolls are possible when bridge/state says ARMED", "rolls are possible when it is ARMED")
     .replace("wait for ARMED in bridge/state", "wait for ARMED");
 }
 
 // What the robot does now, in one line.
 function doing(now) {
   if (!now.alive) return "no bridge is heard";
-  if (now.travel) return `travelling: ${now.travel.phase}`;
-  if (now.roll) return `rolling: ${now.roll.phase}`;
+  if (now.state === "FAULT") return `${now.reason || "stopped"}; Reset leaves this`;
+  if (now.travel) return `travel: ${now.travel.phase}`;
+  if (now.roll) return `roll: ${now.roll.phase}`;
   const words = {
-    DISARMED: "not armed: the struts hold",
+    DISARMED: "not armed: nothing moves",
     HOMING: "homing: every strut goes to mid stroke",
     ARMED: `armed${now.holder ? ` for ${now.holder}` : ""}`,
-    HOLD: "held: the struts stay where they are",
-    FAULT: `${now.reason || "stopped"}; Reset leaves this`,
+    HOLD: `held${now.reason ? ` (${now.reason})` : ""}: the struts stay where they are`,
   };
   return words[now.state] || now.reason;
 }
@@ -98,8 +96,9 @@ function connect() {
       $("scene").src = `scene?websocket=${encodeURIComponent(socketAt(`scene/${message.page}`))}&hideViserLogo`;
       if (!stopping) tell("", "");
     } else if (message.answer) {
-      if (message.answer.do === "stop" && (message.answer.done || Date.now() - stopping > GIVE_UP_MS)) stopAnswered();
-      tell(message.answer.words, message.answer.done ? "good" : "bad");
+      const { do: what, done, words } = message.answer;
+      if (what === "stop" && (done || Date.now() - stopping > GIVE_UP_MS)) stopAnswered();
+      tell(done || what === "stop" ? words : `${what}: ${words}`, done ? "good" : "bad");
     } else {
       lost(false);
       show(message);
@@ -129,18 +128,17 @@ function text(id, value) {
 
 function show(now) {
   facts = now;
-  const state = now.alive ? now.state : "NO BRIDGE";
-  text("state", state);
+  text("state", now.alive ? now.state : "NO BRIDGE");
   $("state").className = `badge ${now.alive ? now.state : ""}`;
   $("state").title = now.reason;
   text("doing", inWordsOfThePage(doing(now)));
   forgetWhatIsOver(now);
   text("face", now.face || "no face");
-  text("faceSource", now.source ? `seen by ${now.source}${now.predicted && now.predicted !== now.face ? `; twin: ${now.predicted}` : ""}` : "predicted, nobody looked");
-  health("link", now.alive && now.link ? "open" : "lost", !(now.alive && now.link));
-  health("duty", now.duty_left_s === null ? "–" : `${now.duty_left_s.toFixed(0)} s`, now.duty_left_s !== null && now.duty_left_s < 10);
-  health("battery", now.battery_v === null ? "not told" : `${now.battery_v.toFixed(2)} V`, warned(now, "battery"));
-  health("log", now.bag ? `${now.bag_messages} messages` : "not recording", !now.bag || warned(now, "log"));
+  text("faceSource", whoSaw(now));
+  health(now, "link", now.link_ok ? "open" : "not open", !now.link_ok);
+  health(now, "duty", now.duty_left_s === null ? "–" : `${now.duty_left_s.toFixed(0)} s`, now.duty_left_s !== null && now.duty_left_s < 10);
+  health(now, "battery", now.battery_v === null ? "not told" : `${now.battery_v.toFixed(2)} V`, warned(now, "battery"));
+  health(now, "log", now.bag ? `${now.bag_messages} messages` : "not recording", !now.bag || warned(now, "log"));
   $("logBox").title = now.bag;
   $("virtual").hidden = !now.virtual;
   troubles(now);
@@ -151,9 +149,15 @@ function show(now) {
   trial(now.trial);
 }
 
-function health(name, words, bad) {
-  text(name, words);
-  $(`${name}Box`).classList.toggle("bad", Boolean(bad));
+function whoSaw(now) {
+  if (!now.source) return now.predicted ? "predicted, nobody looked" : "nobody looked";
+  const twin = now.predicted && now.predicted !== now.face ? `; twin: ${now.predicted}` : "";
+  return `seen by ${now.source}${now.alive ? "" : " before the bridge fell silent"}${twin}`;
+}
+
+function health(now, name, words, bad) {
+  text(name, now.alive ? words : "–");
+  $(`${name}Box`).classList.toggle("bad", !now.alive || Boolean(bad));
 }
 
 function warned(now, part) {
@@ -161,17 +165,27 @@ function warned(now, part) {
 }
 
 function troubles(now) {
-  const list = now.diagnostics.filter(([, level]) => level > 0).map(([name, , words]) => `${name}: ${words}`);
-  if (!now.alive) list.unshift("the hardware bridge is silent: start it, in this ROS domain");
+  const warnings = now.diagnostics.filter(([, level]) => level > 0).map(([name, , words]) => `${name}: ${words}`);
+  const list = now.alive ? warnings : ["the hardware bridge is silent: start it, in this ROS domain"];
   if (!now.twin_alive) list.unshift("the twin is silent: what the 3D view shows is old");
-  if (now.last && / failed/.test(now.last)) list.push(now.last);
+  if (failed(now)) list.push(`the last ${now.last}`);
   $("troubleCard").hidden = !list.length;
-  const shown = list.join("\n");
-  if ($("troubles").dataset.shown !== shown) {
-    $("troubles").dataset.shown = shown;
-    $("troubles").replaceChildren(...list.map((words) => Object.assign(document.createElement("li"), { textContent: inWordsOfThePage(words) })));
-  }
+  rows("troubles", list, (words) => make("li", { textContent: inWordsOfThePage(words) }));
 }
+
+const failed = (now) => / failed/.test(now.last);
+
+const make = (kind, properties) => Object.assign(document.createElement(kind), properties);
+
+// An element's children, one for each part; made anew only when something is different.
+function rows(id, parts, child, more = "") {
+  const shown = JSON.stringify([parts, more]);
+  if ($(id).dataset.shown === shown) return;
+  $(id).dataset.shown = shown;
+  $(id).replaceChildren(...parts.map(child));
+}
+
+const place = (place_m) => `${place_m.map((v) => v.toFixed(2)).join(", ")} m`;
 
 function buttons(now) {
   const busy = Boolean(now.roll || now.travel);
@@ -184,43 +198,40 @@ function buttons(now) {
   $("travel").disabled = !(armed && !busy && now.place_m);
   $("cancel").disabled = !busy;
   text("roll", now.selected ? `Roll to ${now.selected}` : "Roll");
-  text("travel", now.place_m ? `Travel to ${now.place_m.map((v) => v.toFixed(2)).join(", ")} m` : "Travel there");
+  text("travel", now.place_m ? `Travel to ${place(now.place_m)}` : "Travel there");
 }
 
 function neighbours(now) {
   const gaits = now.rehearsal ? [...now.rehearsal.gaits].sort((a, b) => a.target.localeCompare(b.target, "en", { numeric: true })) : [];
-  const shown = JSON.stringify([gaits.map((g) => [g.target, g.odds]), now.selected, now.face]);
-  if ($("neighbours").dataset.shown !== shown) {
-    $("neighbours").dataset.shown = shown;
-    $("neighbours").replaceChildren(...gaits.map((gait) => {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.dataset.face = gait.target;
-      button.className = gait.target === now.selected ? "chosen" : "";
-      button.append(Object.assign(document.createElement("b"), { textContent: gait.target }), gait.members ? `${gait.successes} of ${gait.members}` : "");
-      button.onclick = () => order("select", { target: gait.target });
-      return button;
-    }));
-  }
+  rows("neighbours", gaits, (gait) => {
+    const button = make("button", { type: "button", className: gait.target === now.selected ? "chosen" : "" });
+    button.dataset.face = gait.target;
+    button.append(make("b", { textContent: gait.target }), gait.members ? `${gait.successes} of ${gait.members}` : "");
+    button.onclick = () => order("select", { target: gait.target });
+    return button;
+  }, now.selected);
   text("rollFrom", now.face ? `from ${now.face}` : "");
   const chosen = gaits.find((gait) => gait.target === now.selected);
   if (now.travel) text("foretold", "the rolls of the travel are chosen one after the other");
   else if (!now.face) text("foretold", now.roll ? "" : "it stands on no face that is known: there is no roll to choose now");
-  else if (!now.rehearsal) text("foretold", inWordsOfThePage(now.unrehearsed || "") || "rehearsing …");
+  else if (!now.rehearsal) text("foretold", now.trial ? "while a session runs, nothing is rehearsed for this page" : inWordsOfThePage(now.unrehearsed));
   else if (!chosen) text("foretold", `the best gait to each neighbour, tried on ${gaits[0] ? gaits[0].members : 0} perturbed twins: so many rolled`);
   else text("foretold", `${chosen.primitive}: ${chosen.successes} of ${chosen.members} twins rolled; they ended on ${chosen.ends.map(([face, count]) => `${face} ${count}`).join(", ")}`);
   const running = now.roll;
   $("progress").hidden = !running;
   if (running) $("progress").value = running.progress || 0;
-  text("phase", running ? `${running.phase}, on ${running.face || "no face"}` : / failed/.test(now.last) ? "" : inWordsOfThePage(now.last));
+  text("phase", running ? `${running.phase}, on ${running.face || "no face"}` : now.last && !failed(now) ? `the last ${now.last}` : "");
 }
 
 function journey(now) {
   const running = now.travel;
-  text("place", now.place_m ? `selected: ${now.place_m.map((v) => v.toFixed(2)).join(", ")} m` : "click on the floor for a place");
+  text("place", now.place_m ? `selected: ${place(now.place_m)}` : "click on the floor for a place");
   if (!running) return text("journey", "");
-  const odds = running.odds === null ? "" : `, probability ${Math.round(100 * running.odds)} %`;
-  text("journey", `roll ${running.rolls + 1}: ${running.phase}; ${Math.round(100 * (running.left_m || 0))} cm left, ${running.rolls_left} rolls${odds}`);
+  const words = [`roll ${running.rolls + 1}: ${running.phase}`];
+  if (running.left_m !== null) words.push(`${Math.round(100 * running.left_m)} cm left`);
+  if (running.rolls_left) words.push(`${running.rolls_left} rolls planned`);
+  if (running.odds !== null) words.push(`probability ${Math.round(100 * running.odds)} %`);
+  text("journey", words.join(", "));
 }
 
 function struts(now) {
@@ -247,17 +258,13 @@ function trial(shown) {
   const rate = shown.done ? `, ${Math.round((100 * shown.successes) / shown.done)} % succeeded` : "";
   text("trialDone", `${shown.done} of ${shown.total} done${rate}. ${shown.last}`);
   const keys = (shown.keys || []).filter(([key]) => key !== "space"); // the stop has a button of its own
-  if ($("trialKeys").dataset.shown === JSON.stringify(keys)) return;
-  $("trialKeys").dataset.shown = JSON.stringify(keys);
-  $("trialKeys").replaceChildren(...keys.map(([key, meaning]) => {
-    const button = document.createElement("button");
-    button.type = "button";
-    button.className = `key-${key} ${"uqp".includes(key) ? "small" : ""}`;
+  rows("trialKeys", keys, ([key, meaning]) => {
+    const button = make("button", { type: "button", className: `key-${key} ${"uqp".includes(key) ? "small" : ""}` });
     button.dataset.key = key === "Enter" ? "enter" : key;
-    button.append(Object.assign(document.createElement("kbd"), { textContent: key }), meaning);
+    button.append(make("kbd", { textContent: key }), meaning);
     button.onclick = () => order("key", { key: button.dataset.key, panel });
     return button;
-  }));
+  });
 }
 
 function pressed(event) {
