@@ -12,10 +12,11 @@ import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
-from tooling import cmake_exports, stamps
+from tooling import cmake_exports, slimming, stamps
 from tooling.layout import Layout, SetupError
 from tooling.process import Runner
 from tooling.progress import Progress
@@ -24,6 +25,7 @@ from tooling.requirements import Requirement, read_lock
 GROUPS = ("base", "console", "cluster", "checks", "docs", "bench")
 STEPS = 3  # that making the base takes; a further group is one step
 BUILT_FROM_SOURCE = ("empy",)  # pure Python, published without a wheel
+BUILD_TOOLS = ("cmake",)  # not in .venv: there while ros_ws is built
 
 
 def _stamp_file(layout: Layout) -> Path:
@@ -56,7 +58,19 @@ def _installed(layout: Layout) -> dict[str, str]:
 def needed(layout: Layout, groups: Iterable[str]) -> list[Requirement]:
     """The groups' requirements that hold for the running interpreter, each once."""
     found = [r for group in groups for r in read_lock(layout.lock(group)) if r.holds_for(sys.version_info[:2])]
-    return list({r.name: r for r in found}.values())
+    return list({r.name: r for r in found if r.name not in BUILD_TOOLS}.values())
+
+
+@contextmanager
+def build_tools(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> Iterator[Path]:
+    """The folder of CMake's programs, which is gone afterwards."""
+    folder = layout.state / "build_tools"
+    requirements = [r for r in read_lock(layout.lock("base")) if r.name in BUILD_TOOLS]
+    try:
+        _pip(layout, requirements, runner, _clean(environ), "--upgrade", "--target", str(folder))
+        yield folder / "cmake" / "data" / "bin"
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def install(layout: Layout, groups: Sequence[str], runner: Runner, environ: Mapping[str, str]) -> None:
@@ -75,10 +89,12 @@ def install(layout: Layout, groups: Sequence[str], runner: Runner, environ: Mapp
     requirements = [r for r in needed(layout, groups) if brought.get(r.name) != r.version]
     with progress.step(f"installing {len(requirements)} packages{_purpose(groups)}"):
         _pip(layout, requirements, runner, environ)
+        progress.result(f"{len(requirements)} packages")
     if "base" in groups:
         with progress.step("repairing the CMake files of the ROS wheels"):
             numpy_include = _ask(layout, "import numpy; print(numpy.get_include())")
             count = cmake_exports.repair(layout.venv, sysconfig.get_path("include"), numpy_include)
+            slimming.slim(layout.venv)
             progress.result(f"{count} files")
     now = there | {group: stamps.packages_stamp(layout, group) for group in groups}
     stamp = _stamp_file(layout)
@@ -115,7 +131,7 @@ def _make(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
     runner.run("making the virtual environment", command, cwd=layout.root, environ=environ)
 
 
-def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, environ: Mapping[str, str]) -> None:
+def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, environ: Mapping[str, str], *more: str) -> None:
     """Two runs: first setuptools, which builds the one package that has no wheel.
 
     So pip fetches no build tools of its own choice, and nothing is ever run that was not checked against the lock.
@@ -125,7 +141,7 @@ def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, enviro
     """
     command = [str(layout.venv_python), "-m", "pip", "install", "--require-hashes", "--no-deps", "--no-build-isolation"]
     command += ["--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}"]
-    command += ["--no-input", "--disable-pip-version-check", "--progress-bar=off", "--no-compile"]  # what is never imported
+    command += ["--no-input", "--disable-pip-version-check", "--progress-bar=off", "--no-compile", *more]  # what is never imported
     site_packages = Path(sysconfig.get_path("purelib", vars={"base": str(layout.venv)}))
     counter = _Counter(len(requirements), site_packages, runner.progress)
     build_tools = [r for r in requirements if r.name == "setuptools"]
@@ -148,7 +164,6 @@ def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, enviro
             except SetupError as error:
                 hint = "If the network failed, run this again; pip's own settings (proxy, index) are respected."
                 raise SetupError(f"{error}\n{hint}") from None
-    runner.progress.result(f"{len(requirements)} packages")
 
 
 class _Counter:
