@@ -80,7 +80,6 @@ def _command(layout: Layout) -> list[str]:
         "--cmake-args",
         "-DBUILD_TESTING=OFF",
         "-DPYTHON_ONLY=ON",
-        "-DCMAKE_UNITY_BUILD=ON",
         # Otherwise CMake may prefer another, newer Python that it finds on the machine.
         f"-DPython3_EXECUTABLE={python}",
     ]

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import BoardOption
+from sixstrut_cli import options
 from sixstrut_cli.outputs import output_of
 
 
@@ -20,13 +20,10 @@ def command(
     robot: Annotated[
         str, typer.Option(help="The robot's name, by which it is known at any port; default: asked.", show_default=False)
     ] = "",
-    port: Annotated[
-        str,
-        typer.Option(help="Device or socket://HOST:PORT; default: the virtual prototype's link.", show_default=False),
-    ] = "",
-    board: BoardOption = "lsc",
-    baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
-    silent_board: Annotated[bool, typer.Option("--silent-board", help="This board cannot answer; move it all the same.")] = False,
+    port: options.Port = "",
+    board: options.Board = "lsc",
+    baud: options.Baud = 0,
+    silent_board: options.SilentBoard = False,
     virtual: Annotated[bool, typer.Option("--virtual", help="Practise on a virtual prototype of its own.")] = False,
     time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Of the virtual prototype.")] = 4.0,
 ) -> None:

@@ -4,25 +4,20 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import BoardOption, JsonOption
+from sixstrut_cli import options
 
 EXIT_MEND = 4
 
 
 def command(
-    port: Annotated[
-        str,
-        typer.Option(help="Device or socket://HOST:PORT; default: the virtual prototype's link.", show_default=False),
-    ] = "",
-    board: BoardOption = "lsc",
-    baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
-    calibration: Annotated[Path | None, typer.Option(help="The robot's calibration YAML.", show_default=False)] = None,
-    as_json: JsonOption = False,
+    port: options.Port = "",
+    board: options.Board = "lsc",
+    baud: options.Baud = 0,
+    calibration: options.Calibration = None,
+    as_json: options.Json = False,
 ) -> None:
     """Check versions, pairing, port, permissions, calibration, disk and network. Moves and changes nothing.
 

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import announce
+from sixstrut_cli.outputs import announce
 
 
 def command(

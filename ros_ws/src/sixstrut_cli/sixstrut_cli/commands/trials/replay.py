@@ -11,7 +11,8 @@ from typing import Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import JsonOption, announce, in_folder
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, in_folder, say, wrote
 
 
 def command(
@@ -40,7 +41,7 @@ def command(
         Path | None,
         typer.Option(metavar="FILE", help="A moving picture of the session, .webp or .gif, of eight seconds.", show_default=False),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Step the twin through the commands that were sent; compare faces with those observed, bits with the live twin's.
 
@@ -104,7 +105,7 @@ def _by_trial(
         if numbers or line.robot_s == line.robot_s:  # a trial that never ended is replayed only if asked for
             courses.append(replay_trial(recorded, line, model))
             if not as_json:
-                typer.echo(course_text(courses[-1]))
+                say(course_text(courses[-1]))
     odds = {}
     if members:
         shelf = library_of(session)
@@ -115,16 +116,17 @@ def _by_trial(
             if not as_json:
                 ends = ", ".join(f"{face} {count}" for face, count in told.outcomes.items())
                 rate = counted(told.rate.successes, members)
-                typer.echo(f"{told.gait.name} on perturbed twins ({law.law.brief}): {rate}; ends on {ends}")
+                say(f"{told.gait.name} on perturbed twins ({law.law.brief}): {rate}; ends on {ends}")
     if picture is not None:
         course_picture(courses[0], in_folder(picture))
+        wrote(picture, err=as_json)
     agree = [course.agrees for course in courses if course.agrees is not None]
     if as_json:
         rows = [_document(course, odds) for course in courses]
         typer.echo(json.dumps({"bag": str(bag), "model_hash": model.hash, "changes": changes, "trials": rows}))
     else:
         what_if = f" with {', '.join(f'{name} = {value:g}' for name, value in changes.items())}" if changes else ""
-        typer.echo(f"{sum(agree)} of {len(agree)} trials end as recorded{what_if}; model {model.hash}")
+        say(f"{sum(agree)} of {len(agree)} trials end as recorded{what_if}; model {model.hash}")
     return all(agree)
 
 
@@ -132,10 +134,7 @@ def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
     line = course.line
     told = odds.get(f"{line.primitive} {line.source}→{line.target}")
     return {
-        "number": line.number,
-        "primitive": line.primitive,
-        "source": line.source,
-        "target": line.target,
+        **{key: getattr(line, key) for key in ("number", "primitive", "source", "target")},
         "outcome": str(line.outcome),
         "recorded_faces": list(line.faces),
         "twin_faces": list(course.faces),
@@ -151,22 +150,15 @@ def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
 
 
 def _whole(
-    bag: Path,
-    changes: dict[str, float],
-    actuators: str,
-    compare: bool,
-    picture: Path | None,
-    animation: Path | None,
-    as_json: bool,
+    bag: Path, changes: dict[str, float], actuators: str, compare: bool, picture: Path | None, animation: Path | None, as_json: bool
 ) -> bool:
-    from rich.progress import Progress
-
     from hardware_bridge.recording.bag_reader import read_session
     from hardware_bridge.recording.bag_types import TOPICS
     from sim_core.dynamics.actuators import require_actuators
     from tensegrity_lab.bags.replay import model_of, replay, require_same_model
     from tensegrity_lab.bags.trial_replay import changed_model
     from tensegrity_lab.reports.animation import Moment, Stand, animate, moment_of
+    from tensegrity_lab.terminal.progress import bars
 
     drives = require_actuators(actuators)
     session = read_session(bag, topics=TOPICS)
@@ -177,9 +169,8 @@ def _whole(
     watch = (
         (lambda time_s, robot: moments.append(moment_of(time_s, robot))) if animation is not None else (lambda time_s, robot: None)
     )
-    with Progress(transient=True, disable=as_json) as bar:
-        task = bar.add_task("replaying", total=None)
-        result = replay(session, model, drives, lambda done, total: bar.update(task, completed=done, total=total), watch)
+    with bars("events", "nothing was written") as bar:
+        result = replay(session, model, drives, bar("replaying"), watch)
     same_bits = result.same_states == result.live_states
     same_face = result.recorded is None or result.final == result.recorded
     if picture is None and not as_json:
@@ -193,36 +184,22 @@ def _whole(
         stands = [Stand(check.time_s, check.predicted) for check in result.faces if check.predicted]
         animate(moments, stands, in_folder(animation), f"{bag.name}: the twin, stepped through a recorded session")
     if as_json:
-        typer.echo(
-            json.dumps(
-                {
-                    "bag": str(bag),
-                    "digest": result.digest,
-                    "step": result.step,
-                    "model_hash": result.model_hash,
-                    "live_states": result.live_states,
-                    "same_states": result.same_states,
-                    "faces": [{**vars(check), "agrees": check.agrees} for check in result.faces],
-                    "final_face": result.final,
-                    "recorded_face": result.recorded,
-                    "resets": result.resets,
-                }
-            )
-        )
+        told = {key: getattr(result, key) for key in ("digest", "step", "model_hash", "live_states", "same_states", "resets")}
+        faces = [{**vars(check), "agrees": check.agrees} for check in result.faces]
+        ends = {"final_face": result.final, "recorded_face": result.recorded}
+        typer.echo(json.dumps({"bag": str(bag), **told, "faces": faces, **ends}))
         return same_bits and same_face
     for check in result.faces:
         mark = "as" if check.agrees else "but"
         seen = f"{mark} {check.source} saw {check.observed or 'no face'}"
-        typer.echo(f"  {check.time_s:6.1f} s  twin on {check.predicted or 'no face'}, {seen}")
+        say(f"  {check.time_s:6.1f} s  twin on {check.predicted or 'no face'}, {seen}")
     if result.live_states:
         verdict = "the same bits" if same_bits else f"different bits from event {result.first_difference} on"
-        typer.echo(f"  {result.same_states} of {result.live_states} recorded states of the live twin: {verdict}")
+        say(f"  {result.same_states} of {result.live_states} recorded states of the live twin: {verdict}")
     else:
         typer.echo("  the bag holds no states of a live twin with this model to compare with")
     end = f"ended on {result.final or 'no face'}"
-    typer.echo(f"  {end}, recorded: {result.recorded or 'nobody looked'}{'' if same_face else ' — they differ'}")
-    typer.echo(f"  final state {result.digest} at step {result.step}, model {result.model_hash}")
-    for written in (picture, animation):
-        if written is not None:
-            typer.echo(f"  wrote {written}")
+    say(f"  {end}, recorded: {result.recorded or 'nobody looked'}{'' if same_face else ' — they differ'}")
+    say(f"  final state {result.digest} at step {result.step}, model {result.model_hash}")
+    wrote(picture, animation)
     return same_bits and same_face

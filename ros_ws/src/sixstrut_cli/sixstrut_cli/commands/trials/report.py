@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from sixstrut_cli.options import announce, chosen_sessions
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, wrote
 
 
 class _Greedy(TyperCommand):
@@ -51,12 +52,14 @@ def command(
     sixstrut report bags/monday
     sixstrut report bags/monday bags/tuesday --against bags/previous -o report
     """
-    announce("reading the sessions")
+    announce("reading the sessions and drawing, some seconds; the page is written at the end")
     from tensegrity_lab.reports.trial_report import Report, summary_of
+    from tensegrity_lab.session_data.folder import newest_session
 
-    sessions = chosen_sessions(sessions)
+    sessions = options.given_or(newest_session, sessions)
     words = ["./sixstrut", "report", *map(str, sessions), *(word for path in against or [] for word in ("--against", str(path)))]
     report = Report(sessions, against or [], shlex.join(words))
     page = report.write(output or sessions[0] / "report")
     typer.echo(summary_of(report))
-    typer.echo(f"page: {page}; tables and pictures beside it")
+    wrote(page)
+    typer.echo("tables and pictures are beside it")
