@@ -66,10 +66,13 @@ _ALL = (
         DEVELOP,
         ("console", "cluster", "checks"),
     ),
-    Entry("setup", "Only set up: .venv with all packages, and the build of ros_ws.", None, DEVELOP),
+    Entry("setup", "Only set up: .venv and the build of ros_ws; commands that need more packages add them.", None, DEVELOP),
     Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None, DEVELOP),
     Entry("clean", "Remove what set-up made.", None, DEVELOP),
 )
+
+_OPTIONS = {"--scheduler": "cluster", "--console": "console"}
+"""Options of any command -> the group of packages that they need."""
 
 SETUP_COMMANDS = frozenset(entry.name for entry in _ALL if entry.module is None)
 
@@ -100,7 +103,7 @@ def names() -> list[str]:
 def packages_of(name: str | None, arguments: Sequence[str]) -> tuple[str, ...]:
     """Groups of packages that a command line needs beside the base."""
     groups = next((entry.packages for entry in _ALL if entry.name == name), ())
-    return (*groups, "cluster") if any(word.split("=")[0] == "--scheduler" for word in arguments) else groups
+    return (*groups, *(group for option, group in _OPTIONS.items() if any(word.split("=")[0] == option for word in arguments)))
 
 
 def static_help(name: str | None) -> str:
@@ -120,7 +123,10 @@ def static_help(name: str | None) -> str:
             textwrap.fill("A six-strut rolling tensegrity robot: its model, its gaits, its ROS 2 nodes.", room),
             *lines,
             "",
-            textwrap.fill("The first command that needs them installs all packages into .venv and builds ros_ws, once.", room),
+            textwrap.fill(
+                "The first command installs packages into .venv and builds ros_ws, once; one that needs more adds it.",
+                room,
+            ),
         ]
     )
 
