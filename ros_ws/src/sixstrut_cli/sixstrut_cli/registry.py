@@ -24,11 +24,10 @@ START, SIMULATE, ROBOT, TRIALS, DEVELOP = "Start here", "Simulate", "Robot", "Tr
 GROUPS = (START, SIMULATE, ROBOT, TRIALS, DEVELOP)
 """Of the help, in this order."""
 
+_FOR_TESTS = ("console", "cluster", "checks")
 _ALL = (
     Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "robot.demo", START),
-    Entry(
-        "console", "The robot in the browser: twin, chances, rolls by clicks, a stop button.", "robot.console", START, ("console",)
-    ),
+    Entry("console", "The robot in the browser: twin, rolls by clicks, a stop button.", "robot.console", START, ("console",)),
     Entry("roll", "Simulate one roll and judge it.", "model.roll", START),
     Entry("replay", "Step the twin through a recorded session and compare.", "trials.replay", START),
     Entry("doctor", "Check port, pairing, calibration, disk and versions; say how to mend each.", "robot.doctor", START),
@@ -43,13 +42,7 @@ _ALL = (
     Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "robot.calibrate", ROBOT),
     Entry("travel", "Roll the virtual prototype to a place on the floor, replanned after every roll.", "robot.travel", ROBOT),
     Entry("play", "Play a recorded session into ROS, for a twin and viewers.", "robot.play", ROBOT),
-    Entry(
-        "foxglove",
-        "Serve the live stack to the Foxglove app: every topic, and a stop button.",
-        "robot.foxglove",
-        ROBOT,
-        ("console",),
-    ),
+    Entry("foxglove", "Serve the live stack to the Foxglove app, with a stop button.", "robot.foxglove", ROBOT, ("console",)),
     Entry("trial", "Run a session of trials, a day long and resumable: primitives × gaits × repeats.", "trials.trial", TRIALS),
     Entry("report", "Success rates, intervals and tests of sessions, as a page with Figure 8.", "trials.report", TRIALS),
     Entry("odds", "Were the predicted success probabilities right? Bags against what happened.", "trials.odds", TRIALS),
@@ -59,13 +52,7 @@ _ALL = (
     Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "develop.bench", DEVELOP, ("bench",)),
     Entry("faults", "Make failures happen to the stack and look what comes of each.", "develop.faults", DEVELOP),
     Entry("docs", "Write the reference from the code; build the documentation's site.", "develop.docs", DEVELOP, ("docs",)),
-    Entry(
-        "test",
-        "Run the checks and tests; with arguments, only pytest with these.",
-        "develop.test",
-        DEVELOP,
-        ("console", "cluster", "checks"),
-    ),
+    Entry("test", "Run the checks and tests; with arguments, only pytest with these.", "develop.test", DEVELOP, _FOR_TESTS),
     Entry("setup", "Only set up: .venv and the build of ros_ws; commands that need more packages add them.", None, DEVELOP),
     Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None, DEVELOP),
     Entry("clean", "Remove what set-up made.", None, DEVELOP),

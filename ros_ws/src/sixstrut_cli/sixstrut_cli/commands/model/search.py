@@ -6,9 +6,8 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -19,16 +18,10 @@ if TYPE_CHECKING:
     from sim_core.search.genetic_search import Search
 
 
-class Name(StrEnum):
-    """Plans; see `sim_core.search.library_recipes`."""
-
-    improved = "improved"
-    previous = "previous"
-    robust = "robust"
-
-
 def command(
-    plan_name: Annotated[Name, typer.Argument(metavar="PLAN", help="improved, previous or robust.")] = Name.improved,
+    plan_name: Annotated[
+        Literal["improved", "previous", "robust"], typer.Argument(metavar="PLAN", help="improved, previous or robust.")
+    ] = "improved",
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="Library YAML. [default: out/search/PLAN.yaml]", show_default=False)
     ] = None,
@@ -61,7 +54,7 @@ def command(
     sixstrut search robust --ensemble my_ensemble.yaml -o my_library.yaml
     sixstrut search --active 3 --class TO5-TC6 --keep 5 -o three_struts.yaml
     """
-    announce(f"searching a library by the plan {plan_name.value}: minutes, robust longer; Ctrl-C leaves, the same command goes on")
+    announce(f"searching a library by the plan {plan_name}: minutes, robust longer; Ctrl-C leaves, the same command goes on")
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import library_text
     from sim_core.rolling.warm_up import Stage
@@ -74,15 +67,15 @@ def command(
     from tensegrity_lab.terminal.compile_notice import compile_first
     from tensegrity_lab.terminal.leaving import leaves_at_once
 
-    path = output or output_folder("search") / f"{plan_name.value}.yaml"
+    path = output or output_folder("search") / f"{plan_name}.yaml"
     require_output(path, "primitive library")
     changes: dict[str, Any] = {"seed": seed, "keep": keep, "active": active, "apart_mm": apart, "generations": generations}
     changes |= {"evaluations": evaluations, "classes": roll_class and (roll_class,), "name": output and path.stem}
     changes = {name: value for name, value in changes.items() if value is not None}
     robot = load_prototype(prototype)
-    plan = PLANS[plan_name.value]
+    plan = PLANS[plan_name]
     if ensemble is not None:
-        if plan_name is not Name.robust:
+        if plan_name != "robust":
             raise typer.BadParameter("only the plan robust trains on robots", param_hint="--ensemble")
         posterior = load_posterior(ensemble)
         posterior.require(build_model(robot))

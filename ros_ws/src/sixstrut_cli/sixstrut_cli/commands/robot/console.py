@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
+from sixstrut_cli.outputs import announce
 
 
 def command(
@@ -39,6 +40,7 @@ def command(
     ROS_DOMAIN_ID=7 sixstrut console --port 8000
     sixstrut console --host 0.0.0.0        # from elsewhere too; not encrypted: use a trusted network
     """
+    announce("starting; the address to open comes in some seconds")
     from sim_core.rolling.warm_up import Stage
     from tensegrity_console.access import LOOPBACK, chosen_token, refuse_on_command_line
     from tensegrity_console.web.main import serve

@@ -8,6 +8,7 @@ import json
 import typer
 
 from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, say
 
 EXIT_MEND = 4
 
@@ -26,6 +27,7 @@ def command(
     sixstrut doctor
     sixstrut doctor --port /dev/rfcomm0 --calibration my_calibration.yaml
     """
+    announce("looking at versions, port, calibration, disk and network, some seconds")
     from hardware_bridge.boards.registry import parse_board
     from tensegrity_lab.commissioning.checks import Health, examine
 
@@ -36,7 +38,7 @@ def command(
         width = max(len(finding.what) for finding in findings)
         for finding in findings:
             mark = {Health.FINE: "ok", Health.MEND: "MEND", Health.SKIPPED: "-"}[finding.health]
-            typer.echo(f"{mark:4}  {finding.what:{width}}  {finding.told}")
+            say(f"{mark:4}  {finding.what:{width}}  {finding.told}")
             if finding.mend:
-                typer.echo(f"{'':4}  {'':{width}}  → {finding.mend}")
+                say(f"{'':4}  {'':{width}}  → {finding.mend}")
     raise typer.Exit(EXIT_MEND if any(finding.health is Health.MEND for finding in findings) else 0)

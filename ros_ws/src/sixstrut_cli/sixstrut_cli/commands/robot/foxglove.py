@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
+from sixstrut_cli.outputs import announce
 
 
 def command(
@@ -40,6 +41,7 @@ def command(
     sixstrut foxglove --virtual --commands
     ROS_DOMAIN_ID=7 sixstrut foxglove --port 8766 --origin http://localhost:8080
     """
+    announce("starting; the address to open comes in some seconds")
     from tensegrity_console.access import chosen_token, refuse_on_command_line
     from tensegrity_console.foxglove.foxglove_server import FoxgloveServer, layout, wait_for_end
     from tensegrity_lab.stack.virtual_stack import VirtualRobot, running

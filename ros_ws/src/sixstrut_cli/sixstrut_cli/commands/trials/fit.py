@@ -65,7 +65,9 @@ def command(
     sixstrut fit bags/monday bags/tuesday --counts-only --odds my_odds.yaml
     sixstrut fit --demonstrate
     """
-    announce("reading the trials; how long the fit takes is measured first")
+    announce(
+        "fitting hidden robots, some minutes" if demonstrate else "reading the trials; how long the fit takes is measured first"
+    )
     from sim_core.dynamics.model import build_model
     from sim_core.structure.parameters import load_prototype
     from tensegrity_lab.session_data.folder import newest_session
