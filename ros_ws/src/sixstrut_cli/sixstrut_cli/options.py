@@ -58,14 +58,17 @@ Scheduler = Annotated[
 Virtual = Annotated[
     bool, typer.Option("--virtual", help="Start a virtual prototype with bridge, planner, traveller and twin as well.")
 ]
-Seed = Annotated[int, typer.Option("--seed", min=0, help="Of the virtual prototype.")]
-FromFace = Annotated[str, typer.Option("--from-face", help="Face it starts on: TC1..TC8, TO1..TO12.")]
-Perturbation = Annotated[
-    float, typer.Option("--perturbation", min=0.0, max=MOST_PERTURBATION, help="How far it is off, 0.05 for ±5 %.")
+Seed = Annotated[
+    int, typer.Option("--seed", min=0, help="Of the virtual prototype: draws its true parameters, and where downhill is.")
 ]
-Incline = Annotated[float, typer.Option("--incline", min=0.0, max=MOST_INCLINE_DEG, help="Of its ground, in degrees.")]
-TimeScale = Annotated[float, typer.Option("--time-scale", min=0.01, max=100.0, help="Its robot seconds per second.")]
-Actuators = Annotated[str, typer.Option("--actuators", help="Its actuators: ideal, stand-in, or a YAML file.")]
+FromFace = Annotated[str, typer.Option("--from-face", help="Face to start on: TC1..TC8, TO1..TO12.")]
+Perturbation = Annotated[
+    float,
+    typer.Option("--perturbation", min=0.0, max=MOST_PERTURBATION, help="How far the virtual prototype is off, 0.05 for ±5 %."),
+]
+Incline = Annotated[float, typer.Option("--incline", min=0.0, max=MOST_INCLINE_DEG, help="Of the ground, in degrees.")]
+TimeScale = Annotated[float, typer.Option("--time-scale", min=0.01, max=100.0, help="Robot seconds per second.")]
+Actuators = Annotated[str, typer.Option("--actuators", help="Of the virtual prototype: ideal, stand-in, or a YAML file.")]
 Bags = Annotated[Path, typer.Option("--bags", help="Folder for the bag, and its picture.")]
 Domain = Annotated[
     int | None,
@@ -86,7 +89,7 @@ Port = Annotated[
 ]
 Baud = Annotated[int, typer.Option("--baud", min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")]
 Calibration = Annotated[Path | None, typer.Option("--calibration", help="The robot's calibration YAML.", show_default=False)]
-SilentBoard = Annotated[bool, typer.Option("--silent-board", help="This board cannot answer; move it all the same.")]
+SilentBoard = Annotated[bool, typer.Option("--silent-board", help="This board cannot answer; use it all the same.")]
 
 # Servers.
 TokenFile = Annotated[

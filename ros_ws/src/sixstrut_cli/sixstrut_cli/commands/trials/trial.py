@@ -24,7 +24,7 @@ def command(
     order_seed: Annotated[int | None, typer.Option(min=0, help="Draws the order. [default: drawn and kept]")] = None,
     experimenter: Annotated[str, typer.Option(help="Who runs it. [default: your login]")] = "",
     robot: Annotated[str | None, typer.Option(help="Which prototype: one name for each.")] = None,
-    port: options.Port = "",
+    port: Annotated[str, typer.Option(help="Device or socket://HOST:PORT of the board.", show_default=False)] = "",
     calibration: options.Calibration = None,
     virtual: Annotated[bool, typer.Option("--virtual", help="Virtual trials, on a virtual prototype of its own.")] = False,
     board: options.Board = "lsc",
