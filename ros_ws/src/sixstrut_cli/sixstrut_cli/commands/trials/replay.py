@@ -80,36 +80,28 @@ def _by_trial(
     from hardware_bridge.recording.bag_types import TOPICS
     from sim_core.studies.binomial_intervals import counted
     from sim_core.studies.rehearsal import Ensemble
+    from tensegrity_lab.bags import trial_replay
     from tensegrity_lab.bags.replay import require_same_model
-    from tensegrity_lab.bags.trial_replay import (
-        changed_model,
-        chosen_trials,
-        course_text,
-        gait_in,
-        library_of,
-        replay_trial,
-        trials_of,
-    )
     from tensegrity_lab.reports.trial_plots import course_picture
 
-    lines = chosen_trials(trials_of(bag), numbers)
+    lines = trial_replay.chosen_trials(trial_replay.trials_of(bag), numbers)
     if picture is not None and len(lines) != 1:
         raise typer.BadParameter(f"--picture shows one trial, and {len(lines)} are asked for: give --trial N")
     recorded = read_bag(bag, topics=TOPICS)
     session = recorded.session(until_ns=0)  # its attachments
-    model = changed_model(session, changes)
+    model = trial_replay.changed_model(session, changes)
     if not (changes or compare):
         require_same_model(session, model)
     courses = []
     for line in lines:
         if numbers or line.robot_s == line.robot_s:  # a trial that never ended is replayed only if asked for
-            courses.append(replay_trial(recorded, line, model))
+            courses.append(trial_replay.replay_trial(recorded, line, model))
             if not as_json:
-                say(course_text(courses[-1]))
+                say(trial_replay.course_text(courses[-1]))
     odds = {}
     if members:
-        shelf = library_of(session)
-        gaits = {gait.name: gait for gait in (gait_in(shelf, course.line) for course in courses)}
+        shelf = trial_replay.library_of(session)
+        gaits = {gait.name: gait for gait in (trial_replay.gait_in(shelf, course.line) for course in courses)}
         law = Ensemble(model, members=members)
         for told in law.rehearse(list(gaits.values())):
             odds[told.gait.name] = told
