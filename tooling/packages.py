@@ -6,6 +6,7 @@ Packages come in groups. `base` is what every command needs; the others are adde
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import subprocess
@@ -13,7 +14,6 @@ import sys
 import sysconfig
 import tempfile
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
 
 from tooling import cmake_exports, slimming, stamps
@@ -61,13 +61,14 @@ def needed(layout: Layout, groups: Iterable[str]) -> list[Requirement]:
     return list({r.name: r for r in found if r.name not in BUILD_TOOLS}.values())
 
 
-@contextmanager
+@contextlib.contextmanager
 def build_tools(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> Iterator[Path]:
     """The folder of CMake's programs, which is gone afterwards."""
     folder = layout.state / "build_tools"
     requirements = [r for r in read_lock(layout.lock("base")) if r.name in BUILD_TOOLS]
+    shutil.rmtree(folder, ignore_errors=True)
     try:
-        _pip(layout, requirements, runner, _clean(environ), "--upgrade", "--target", str(folder))
+        _pip(layout, requirements, runner, _clean(environ), "--target", str(folder))
         yield folder / "cmake" / "data" / "bin"
     finally:
         shutil.rmtree(folder, ignore_errors=True)
@@ -139,28 +140,31 @@ def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, enviro
     The lock is complete, so pip is told to resolve nothing: older pips stumble over a dependency with extras as soon as
     a release newer than the locked one appears.
     """
-    command = [str(layout.venv_python), "-m", "pip", "install", "--require-hashes", "--no-deps", "--no-build-isolation"]
-    command += ["--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}"]
-    command += ["--no-input", "--disable-pip-version-check", "--progress-bar=off", "--no-compile", *more]  # what is never imported
+    python = str(layout.venv_python)
+    exactly = ["--require-hashes", "--no-deps", "--no-build-isolation", *more, "-r"]
+    pip = [python, "-m", "pip", "install", "--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}", "--no-compile"]
+    pip += ["--no-input", "--disable-pip-version-check", "--progress-bar=off", *exactly]
+    uv = shutil.which("uv", path=environ.get("PATH"))
     site_packages = Path(sysconfig.get_path("purelib", vars={"base": str(layout.venv)}))
     counter = _Counter(len(requirements), site_packages, runner.progress)
-    build_tools = [r for r in requirements if r.name == "setuptools"]
     with tempfile.TemporaryDirectory() as folder:
-        for name, part in ("build-tools", build_tools), ("all", requirements):
-            file = Path(folder) / f"{name}.txt"
+        for part in [r for r in requirements if r.name == "setuptools"], requirements:
+            file = Path(folder) / f"{len(part)}.txt"
+            file.write_text("".join(f"{r.text}\n" for r in part), encoding="utf-8")
+
+            def run(command: list[str], file: Path = file) -> None:
+                counter.restart()
+                now = [*command, str(file)]
+                runner.run("installing packages", now, cwd=layout.root, environ=environ, on_line=counter.line, on_tick=counter.tick)
+
             if not part:
                 continue
-            file.write_text("".join(f"{r.text}\n" for r in part), encoding="utf-8")
-            counter.restart()
+            if uv:
+                with contextlib.suppress(SetupError):  # it knows none of pip's settings: where those are needed, pip does it
+                    run([uv, "pip", "install", "--python", python, *exactly])
+                    continue
             try:
-                runner.run(
-                    "installing packages",
-                    [*command, "-r", str(file)],
-                    cwd=layout.root,
-                    environ=environ,
-                    on_line=counter.line,
-                    on_tick=counter.tick,
-                )
+                run(pip)
             except SetupError as error:
                 hint = "If the network failed, run this again; pip's own settings (proxy, index) are respected."
                 raise SetupError(f"{error}\n{hint}") from None

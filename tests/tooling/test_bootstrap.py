@@ -163,3 +163,20 @@ def test_the_tools_of_the_build_go_with_it(fresh: Path, runner: Runner, monkeypa
         assert programs.is_dir()
     assert asked == list(packages.BUILD_TOOLS)
     assert not (layout.state / "build_tools").exists()
+
+
+@pytest.mark.parametrize(("uv_fails", "asked"), [(False, ["uv"]), (True, ["uv", "pip"])])
+def test_uv_is_used_where_it_is_there_and_pip_where_uv_fails(
+    fresh: Path, runner: Runner, tmp_path: Path, uv_fails: bool, asked: list
+):
+    told = tmp_path / "told"
+    layout = Layout(fresh)
+    for path, name, code in ((tmp_path / "uv", "uv", int(uv_fails)), (layout.venv_python, "pip", 0)):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f'#!/bin/sh\necho {name} "$@" >> {told}\nexit {code}\n')
+        path.chmod(0o755)
+    with packages.build_tools(layout, runner, {"PATH": f"{tmp_path}:{os.environ['PATH']}"}):
+        pass
+    lines = told.read_text().splitlines()
+    assert [line.split()[0] for line in lines] == asked
+    assert all("--require-hashes --no-deps" in line for line in lines)
