@@ -6,13 +6,15 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from sixstrut_cli import options
 from sixstrut_cli.outputs import announce, say
-from tensegrity_lab.bags.rolls import Outcome, outcomes_of
+
+if TYPE_CHECKING:
+    from tensegrity_lab.bags.rolls import Outcome
 
 
 def command(
@@ -96,6 +98,7 @@ def command(
 def _tries_in_bags(bags: Sequence[Path], mid_stroke_m: float) -> list[Outcome]:
     from hardware_bridge.recording.bag_reader import read_session
     from hardware_bridge.recording.bag_types import TOPICS
+    from tensegrity_lab.bags.rolls import outcomes_of
 
     return [outcome for path in bags for outcome in outcomes_of(read_session(path, topics=TOPICS), mid_stroke_m)]
 

@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import in_folder, say, wrote
+from sixstrut_cli.outputs import announce, in_folder, say, wrote
 
 TOLD = ["source", "target", "feasible", "reason", "faces", "peak_force_n", "clearance_m", "margin_m", "duration_s", "travel_m"]
 """Of a roll, with --json."""
@@ -42,6 +42,7 @@ def command(
     sixstrut roll --from TO5 --to TC6 --primitive P9 --model previous
     sixstrut roll --policy "-31 36 17 37 -34 -43" --picture roll.png
     """
+    announce(f"simulating a roll from {source} to {target}, a second or two")
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import gait_of, load_library
     from sim_core.rolling.roll import Sample, roll
