@@ -24,34 +24,26 @@ HIGHEST_DOMAIN = 101
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 Page = Annotated[bool, typer.Option("--page", help="Write the repository's page in docs/results/.")]
-Output = Annotated[
-    Path | None,
-    typer.Option("--output", "-o", help="Folder to write to. [default: out/ and the command's name]", show_default=False),
-]
+Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder to write to. [default: out/ and the command's name]")]
 SuccessCounts = Annotated[
     Path | None,
     typer.Option(
         "--odds",
         metavar="FILE",
         help="Write how often, or how likely, every gait works: for planner and route.",
-        show_default=False,
         callback=output_of(COUNTS),
     ),
 ]
-Picture = Annotated[Path | None, typer.Option("--picture", help="Write a PNG here.", show_default=False, callback=picture_path)]
+Picture = Annotated[Path | None, typer.Option("--picture", help="Write a PNG here.", callback=picture_path)]
 
 # The model.
-Prototype = Annotated[
-    Path | None, typer.Option("--prototype", help="A prototype YAML; default: the nominal robot.", show_default=False)
-]
+Prototype = Annotated[Path | None, typer.Option("--prototype", help="A prototype YAML; default: the nominal robot.")]
 Library = Annotated[str, typer.Option("--library", help="A shipped library's name, or a YAML file.")]
 Ensemble = Annotated[
-    Path | None,
-    typer.Option("--ensemble", metavar="FILE", help="Use robots fitted to trials (`sixstrut fit`) instead.", show_default=False),
+    Path | None, typer.Option("--ensemble", metavar="FILE", help="Use robots fitted to trials (`sixstrut fit`) instead.")
 ]
 Scheduler = Annotated[
-    str | None,
-    typer.Option("--scheduler", metavar="ADDRESS", help="A Dask scheduler; default: this machine's cores.", show_default=False),
+    str | None, typer.Option("--scheduler", metavar="ADDRESS", help="A Dask scheduler; default: this machine's cores.")
 ]
 
 # The virtual prototype and its stack.
@@ -72,32 +64,20 @@ Actuators = Annotated[str, typer.Option("--actuators", help="Of the virtual prot
 Bags = Annotated[Path, typer.Option("--bags", help="Folder for the bag, and its picture.")]
 Domain = Annotated[
     int | None,
-    typer.Option(
-        "--domain",
-        min=0,
-        max=HIGHEST_DOMAIN,
-        help="ROS domain of the virtual stack. [default: one that nobody uses]",
-        show_default=False,
-    ),
+    typer.Option("--domain", min=0, max=HIGHEST_DOMAIN, help="ROS domain of the virtual stack. [default: one that nobody uses]"),
 ]
 
 # The robot's board.
 Board = Annotated[str, typer.Option("--board", help=f"{SERVO_BOARD.capitalize()}.")]
-Port = Annotated[
-    str,
-    typer.Option("--port", help="Device or socket://HOST:PORT; default: the virtual prototype's link.", show_default=False),
-]
+Port = Annotated[str, typer.Option("--port", help="Device or socket://HOST:PORT; default: the virtual prototype's link.")]
 Baud = Annotated[int, typer.Option("--baud", min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")]
-Calibration = Annotated[Path | None, typer.Option("--calibration", help="The robot's calibration YAML.", show_default=False)]
+Calibration = Annotated[Path | None, typer.Option("--calibration", help="The robot's calibration YAML.")]
 SilentBoard = Annotated[bool, typer.Option("--silent-board", help="This board cannot answer; use it all the same.")]
 
 # Servers.
 TokenFile = Annotated[
     Path | None,
-    typer.Option(
-        "--token-file",
-        help="A file (mode 600) with the secret of the address. [default: SIXSTRUT_TOKEN, else new]",
-    ),
+    typer.Option("--token-file", help="A file (mode 600) with the secret of the address. [default: SIXSTRUT_TOKEN, else new]"),
 ]
 Token = Annotated[str | None, typer.Option("--token", hidden=True)]
 """No more: everybody sees it in the list of processes."""

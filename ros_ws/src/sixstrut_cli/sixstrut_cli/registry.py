@@ -111,8 +111,7 @@ def static_help(name: str | None) -> str:
             *lines,
             "",
             textwrap.fill(
-                "The first command installs packages into .venv and builds ros_ws, once; one that needs more adds it.",
-                room,
+                "The first command installs packages into .venv and builds ros_ws, once; one that needs more adds it.", room
             ),
         ]
     )

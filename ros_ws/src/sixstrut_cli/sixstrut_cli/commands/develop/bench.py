@@ -22,15 +22,11 @@ def command(
         bool, typer.Option("--stack", help="What the stack itself costs instead: twin, latency, recorder, processes, start.")
     ] = False,
     library: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Only roll this library's gaits in MuJoCo, and count.", show_default=False),
+        str | None, typer.Option(metavar="NAME", help="Only roll this library's gaits in MuJoCo, and count.")
     ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="A minute or two, rougher figures; not for --page.", show_default=False)
-    ] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="A minute or two, rougher figures; not for --page.")] = False,
     threads: Annotated[
-        int | None,
-        typer.Option(min=1, help="Threads to measure besides one; default: 2, if there are two processors.", show_default=False),
+        int | None, typer.Option(min=1, help="Threads to measure besides one; default: 2, if there are two processors.")
     ] = None,
     output: options.Output = None,
     page: options.Page = False,

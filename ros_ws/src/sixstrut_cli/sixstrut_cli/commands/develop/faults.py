@@ -17,7 +17,7 @@ PAGE = "failures.md"
 
 
 def command(
-    only: Annotated[str, typer.Option("--only", help="Only these rows, such as 3,14.", show_default=False)] = "",
+    only: Annotated[str, typer.Option("--only", help="Only these rows, such as 3,14.")] = "",
     output: options.Output = None,
     page: options.Page = False,
     as_json: options.Json = False,

@@ -18,12 +18,10 @@ def command(
         Path, typer.Option("--output", "-o", help="Prototype YAML to write.", callback=output_of("prototype"))
     ] = Path("prototype.yaml"),
     frequency: Annotated[
-        float | None,
-        typer.Option(help="First natural frequency at rest on TC6, in Hz; default: first_frequency_hz.", show_default=False),
+        float | None, typer.Option(help="First natural frequency at rest on TC6, in Hz; default: first_frequency_hz.")
     ] = None,
     measured: Annotated[
-        list[str] | None,
-        typer.Option("--measured", metavar="NAME=VALUE", help="A quantity you measured; may be given often.", show_default=False),
+        list[str] | None, typer.Option("--measured", metavar="NAME=VALUE", help="A quantity you measured; may be given often.")
     ] = None,
     keep_ropes: Annotated[bool, typer.Option(help="Only put in what was measured; leave the ropes as they are.")] = False,
     prototype: options.Prototype = None,

@@ -23,17 +23,11 @@ from sixstrut_cli.outputs import announce, in_folder, wrote
 def command(
     prototype: options.Prototype = None,
     export: Annotated[
-        Literal["json"] | None,
-        typer.Option("--export", help="Everything that another solver needs, member by member, as JSON.", show_default=False),
+        Literal["json"] | None, typer.Option("--export", help="Everything that another solver needs, member by member, as JSON.")
     ] = None,
-    sensitivity: Annotated[
-        bool,
-        typer.Option("--sensitivity", help="Compute what each number influences (some minutes)."),
-    ] = False,
+    sensitivity: Annotated[bool, typer.Option("--sensitivity", help="Compute what each number influences (some minutes).")] = False,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the export here.", show_default="stdout")] = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the robot with its parts named, as PNG.", show_default=False)
-    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the robot with its parts named, as PNG.")] = None,
 ) -> None:
     """Print the table of the robot's numbers: value, unit, source, what it influences, meaning.
 

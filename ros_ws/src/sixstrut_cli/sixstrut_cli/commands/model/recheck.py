@@ -19,9 +19,7 @@ if TYPE_CHECKING:
 
 def command(
     gaits: Annotated[Path, typer.Argument(help="YAML of gaits: [{name, from, to, policy_mm}], or a primitive library.")],
-    bag: Annotated[
-        list[Path] | None, typer.Option("--bag", help="Experiments: bags of the robot; may be given often.", show_default=False)
-    ] = None,
+    bag: Annotated[list[Path] | None, typer.Option("--bag", help="Experiments: bags of the robot; may be given often.")] = None,
     perturbation: Annotated[float, typer.Option(help="Without bags: scale of the virtual prototypes, 0.05 for ±5 %.")] = 0.05,
     prototypes: Annotated[int, typer.Option(min=1, help="Without bags: how many virtual prototypes try each gait.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Of the first virtual prototype.")] = 1,

@@ -15,12 +15,8 @@ from sixstrut_cli.outputs import announce, say
 
 def command(
     source: Annotated[str, typer.Option("--from", help="Face the robot rests on: TC1..TC8, TO1..TO12.")] = "TC6",
-    target: Annotated[
-        str | None, typer.Option("--to", help="Adjacent face; default: the best gait to each neighbour.", show_default=False)
-    ] = None,
-    primitive: Annotated[
-        str | None, typer.Option(help="A primitive of the library; default: the most reliable.", show_default=False)
-    ] = None,
+    target: Annotated[str | None, typer.Option("--to", help="Adjacent face; default: the best gait to each neighbour.")] = None,
+    primitive: Annotated[str | None, typer.Option(help="A primitive of the library; default: the most reliable.")] = None,
     members: Annotated[int, typer.Option(min=1, help="Perturbed robots in the ensemble.")] = 24,
     scale: Annotated[float, typer.Option(help="Their perturbation, 0.1 for ±10 %.")] = 0.1,
     incline: Annotated[float, typer.Option(help="Incline of the ground in degrees, downhill all round.")] = 0.0,

@@ -36,14 +36,10 @@ def command(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG, like the paper's Figure 8. [default: out/robustness/LIBRARY.png; none with --json]",
-            show_default=False,
-            callback=picture_path,
+            help="PNG, like the paper's Figure 8. [default: out/robustness/LIBRARY.png; none with --json]", callback=picture_path
         ),
     ] = None,
-    tables: Annotated[
-        Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.", show_default=False)
-    ] = None,
+    tables: Annotated[Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.")] = None,
     odds: options.SuccessCounts = None,
     cost: Annotated[bool, typer.Option("--cost", help="Also measure and print what a million prototypes cost.")] = False,
     page: Annotated[bool, typer.Option("--page", help="With --cost: put the table into docs/results/scaling.md.")] = False,

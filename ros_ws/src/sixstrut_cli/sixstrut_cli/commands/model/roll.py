@@ -20,13 +20,9 @@ def command(
     source: Annotated[str, typer.Option("--from", help="Face the robot rests on: TC1..TC8, TO1..TO12.")] = "TC6",
     target: Annotated[str, typer.Option("--to", help="Adjacent face to roll onto.")] = "TO5",
     policy: Annotated[
-        str | None,
-        typer.Option("--policy", help='Six strokes in whole mm, S1..S6, + lengthens: "-31 36 17 37 -34 -43".', show_default=False),
+        str | None, typer.Option("--policy", help='Six strokes in whole mm, S1..S6, + lengthens: "-31 36 17 37 -34 -43".')
     ] = None,
-    primitive: Annotated[
-        str | None,
-        typer.Option("--primitive", help="A primitive of the library; default: its best.", show_default=False),
-    ] = None,
+    primitive: Annotated[str | None, typer.Option("--primitive", help="A primitive of the library; default: its best.")] = None,
     library: options.Library = "robust",
     kind: Annotated[str, typer.Option("--model", help="improved, or previous: the paper's two models.")] = "improved",
     perturbation: Annotated[float, typer.Option(help="Scale of a perturbed prototype, 0.05 for ±5 %.")] = 0.0,

@@ -22,14 +22,10 @@ def command(
     plan_name: Annotated[
         Literal["improved", "previous", "robust"], typer.Argument(metavar="PLAN", help="improved, previous or robust.")
     ] = "improved",
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Library YAML. [default: out/search/PLAN.yaml]", show_default=False)
-    ] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Library YAML. [default: out/search/PLAN.yaml]")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and options, same library.")] = 1,
     keep: Annotated[int, typer.Option(min=1, help="Primitives per class.")] = 20,
-    roll_class: Annotated[
-        str | None, typer.Option("--class", help="TC6-TO5 or TO5-TC6; default: both.", show_default=False)
-    ] = None,
+    roll_class: Annotated[str | None, typer.Option("--class", help="TC6-TO5 or TO5-TC6; default: both.")] = None,
     active: Annotated[int, typer.Option(min=1, max=6, help="Struts that a policy may move.")] = 6,
     apart: Annotated[int | None, typer.Option(min=1, help="Two primitives differ by so many mm in some strut.")] = None,
     generations: Annotated[int | None, typer.Option(min=1, help="At most so many.", show_default="the plan's")] = None,
@@ -37,9 +33,7 @@ def command(
     ensemble: options.Ensemble = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, even if a stopped search could go on.")] = False,
     scheduler: options.Scheduler = None,
-    picture: Annotated[
-        Path | None, typer.Option(help="PNG; default: beside the library.", show_default=False, callback=picture_path)
-    ] = None,
+    picture: Annotated[Path | None, typer.Option(help="PNG; default: beside the library.", callback=picture_path)] = None,
     prototype: options.Prototype = None,
     as_json: options.Json = False,
 ) -> None:

@@ -24,8 +24,7 @@ PAGE = "validation.md"
 
 def command(
     only: Annotated[
-        str | None,
-        typer.Option(metavar="PATTERN", help="Only cases whose name holds this, or matches it (with * and ?).", show_default=False),
+        str | None, typer.Option(metavar="PATTERN", help="Only cases whose name holds this, or matches it (with * and ?).")
     ] = None,
     output: options.Output = None,
     page: options.Page = False,

@@ -17,9 +17,7 @@ from sixstrut_cli.outputs import output_of
 
 def command(
     file: Annotated[Path, typer.Argument(help="The YAML to write.", callback=output_of("calibration"))] = Path("calibration.yaml"),
-    robot: Annotated[
-        str, typer.Option(help="The robot's name, by which it is known at any port; default: asked.", show_default=False)
-    ] = "",
+    robot: Annotated[str, typer.Option(help="The robot's name, by which it is known at any port; default: asked.")] = "",
     port: options.Port = "",
     board: options.Board = "lsc",
     baud: options.Baud = 0,

@@ -15,9 +15,7 @@ from sixstrut_cli.outputs import announce, results_page, say, wrote
 
 
 def command(
-    output: Annotated[
-        Path | None, typer.Argument(metavar="FOLDER", help="A new folder. Default: one in bags/.", show_default=False)
-    ] = None,
+    output: Annotated[Path | None, typer.Argument(metavar="FOLDER", help="A new folder. Default: one in bags/.")] = None,
     libraries: Annotated[
         str, typer.Option(help="Names or YAML files; the first is set against each other one.")
     ] = "robust,improved,previous",

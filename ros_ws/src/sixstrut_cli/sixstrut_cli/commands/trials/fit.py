@@ -16,17 +16,12 @@ from sixstrut_cli.outputs import announce, in_folder, output_folder, output_of, 
 def command(
     trials: Annotated[
         list[Path] | None,
-        typer.Argument(
-            metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags. [default: the newest session]", show_default=False
-        ),
+        typer.Argument(metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags. [default: the newest session]"),
     ] = None,
     ensemble: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE",
-            help="Write the fitted ensemble here, for rehearse and search.",
-            show_default=False,
-            callback=output_of("ensemble"),
+            metavar="FILE", help="Write the fitted ensemble here, for rehearse and search.", callback=output_of("ensemble")
         ),
     ] = None,
     odds: options.SuccessCounts = None,
@@ -42,7 +37,7 @@ def command(
     prior: Annotated[
         str, typer.Option(help="Half ranges, e.g. friction=0.6,slope_deg=5.", show_default="see docs/results/learning.md")
     ] = "",
-    library: Annotated[str | None, typer.Option(help="Of bags whose library is not shipped.", show_default=False)] = None,
+    library: Annotated[str | None, typer.Option(help="Of bags whose library is not shipped.")] = None,
     demonstrate: Annotated[
         bool, typer.Option("--demonstrate", help="Instead: fit hidden virtual robots, and test what was learnt.")
     ] = False,

@@ -21,10 +21,7 @@ def command(
         str, typer.Option(help="The twin's actuators, as the twin had them: ideal, stand-in, or a YAML file.")
     ] = "ideal",
     compare: Annotated[bool, typer.Option("--compare", help="Also a bag of another model: compare its faces only.")] = False,
-    trial: Annotated[
-        list[int] | None,
-        typer.Option(min=1, help="Only this trial of a session; may be given often.", show_default=False),
-    ] = None,
+    trial: Annotated[list[int] | None, typer.Option(min=1, help="Only this trial of a session; may be given often.")] = None,
     trials: Annotated[bool, typer.Option("--trials", help="Trial by trial, all of them.")] = False,
     ensemble: Annotated[int, typer.Option(min=0, max=10_000, help="Also each trial on so many perturbed twins.")] = 0,
     changes: Annotated[
@@ -33,13 +30,11 @@ def command(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG of the session, or of one trial. [default: BAG_replay.png beside the bag; none with --json or for trials]",
-            show_default=False,
+            help="PNG of the session, or of one trial. [default: BAG_replay.png beside the bag; none with --json or for trials]"
         ),
     ] = None,
     animation: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A moving picture of the session, .webp or .gif, of eight seconds.", show_default=False),
+        Path | None, typer.Option(metavar="FILE", help="A moving picture of the session, .webp or .gif, of eight seconds.")
     ] = None,
     as_json: options.Json = False,
 ) -> None:

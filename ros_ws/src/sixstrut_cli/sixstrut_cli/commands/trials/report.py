@@ -36,12 +36,9 @@ COMMAND_CLASS = _Greedy
 
 def command(
     sessions: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Folders of sessions; several are taken together. [default: the newest]", show_default=False),
+        list[Path] | None, typer.Argument(help="Folders of sessions; several are taken together. [default: the newest]")
     ] = None,
-    against: Annotated[
-        list[Path] | None, typer.Option(help="Sessions to compare with: all that follow.", show_default=False)
-    ] = None,
+    against: Annotated[list[Path] | None, typer.Option(help="Sessions to compare with: all that follow.")] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder to write to. [default: report in the first session's]")
     ] = None,

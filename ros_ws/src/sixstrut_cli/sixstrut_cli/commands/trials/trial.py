@@ -13,7 +13,7 @@ from sixstrut_cli import options
 
 def command(
     session: Annotated[
-        Path | None, typer.Argument(help="The session's folder; it goes on if it exists. Default: a new one.", show_default=False)
+        Path | None, typer.Argument(help="The session's folder; it goes on if it exists. Default: a new one.")
     ] = None,
     library: Annotated[str | None, typer.Option(help="A shipped library's name, or a YAML file. [default: robust]")] = None,
     primitives: Annotated[str | None, typer.Option(help='Which of it: "1-40", "1,3,7-9", "P5,P12", all. [default: all]')] = None,
@@ -24,7 +24,7 @@ def command(
     order_seed: Annotated[int | None, typer.Option(min=0, help="Draws the order. [default: drawn and kept]")] = None,
     experimenter: Annotated[str, typer.Option(help="Who runs it. [default: your login]")] = "",
     robot: Annotated[str | None, typer.Option(help="Which prototype: one name for each.")] = None,
-    port: Annotated[str, typer.Option(help="Device or socket://HOST:PORT of the board.", show_default=False)] = "",
+    port: Annotated[str, typer.Option(help="Device or socket://HOST:PORT of the board.")] = "",
     calibration: options.Calibration = None,
     virtual: Annotated[bool, typer.Option("--virtual", help="Virtual trials, on a virtual prototype of its own.")] = False,
     board: options.Board = "lsc",
