@@ -9,8 +9,12 @@ import sys
 import textwrap
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import typer
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 COUNTS = "gaits' success counts"
 KINDS = {
@@ -34,6 +38,13 @@ def say(text: str, err: bool = False) -> None:
         wrapper = textwrap.TextWrapper(room, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False)
         text = "\n".join(map(wrapper.fill, text.split("\n")))
     typer.echo(text, err=err)
+
+
+def console(err: bool = True) -> Console:
+    """For people as well: at a terminal its lines break between words."""
+    from rich.console import Console
+
+    return Console(stderr=err, highlight=False, soft_wrap=not (sys.stderr if err else sys.stdout).isatty())
 
 
 def announce(text: str) -> None:

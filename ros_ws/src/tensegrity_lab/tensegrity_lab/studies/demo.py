@@ -59,7 +59,7 @@ def run(plan: Plan) -> int:
         raise Interrupted
 
     signal.signal(signal.SIGTERM, interrupt)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(highlight=False, soft_wrap=not sys.stdout.isatty())  # at a terminal lines break between words
     with private_domain(plan.domain) as domain, tempfile.TemporaryDirectory(prefix="sixstrut-demo-") as folder:
         return _Demo(plan, Path(folder), domain, console).run()
 

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, in_folder, output_of, say, wrote
+from sixstrut_cli.outputs import announce, console, in_folder, output_of, say, wrote
 
 
 def command(
@@ -31,8 +31,6 @@ def command(
     sixstrut climb my_library.yaml --json
     """
     announce(f"library {library}: every primitive uphill, some seconds each; Ctrl-C leaves at any time")
-    from rich.console import Console
-
     from sim_core.dynamics.actuators import require_actuators
     from sim_core.gaits.climb_limits import climbs_text
     from sim_core.gaits.library import load_library
@@ -43,8 +41,7 @@ def command(
 
     shelf, parameters = load_library(library), require_actuators(actuators)
     compile_first(Stage.ROBOT)
-    console = Console(stderr=True, highlight=False)
-    with leaves_at_once("nothing was written"), console.status("climbing") as status:
+    with leaves_at_once("nothing was written"), console().status("climbing") as status:
         found = climbs_of(shelf, parameters, actuators, lambda name: status.update(f"climbing: {name} of {len(shelf.primitives)}"))
     if output is not None:
         in_folder(output).write_text(climbs_text(found), encoding="utf-8")

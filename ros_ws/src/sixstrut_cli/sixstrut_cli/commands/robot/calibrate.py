@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import output_of
+from sixstrut_cli.outputs import console, output_of
 
 
 def command(
@@ -34,8 +34,6 @@ def command(
     sixstrut calibrate my_calibration.yaml --port /dev/ttyUSB0 --board ssc32
     sixstrut calibrate practice.yaml --virtual --board maestro
     """
-    from rich.console import Console
-
     from hardware_bridge.boards.registry import parse_board
     from hardware_bridge.driver.jogger import Jogger
     from hardware_bridge.link.transport import SerialTransport
@@ -58,16 +56,16 @@ def command(
     require_keyboard()
     for number in (signal.SIGTERM, signal.SIGHUP):  # leave as at Ctrl-C, with nothing running behind
         signal.signal(number, lambda number, frame: sys.exit(128 + number))
-    console = Console(soft_wrap=True)
+    screen = console(err=False)
     with contextlib.ExitStack() as stack:
         behind = parse_board(board)
         practice = stack.enter_context(practice_prototype(time_scale, behind.spec)) if virtual else None
         chosen = str(practice or port or default_link())
         handshake, doubt = examine(chosen) if port else (require_prototype(Path(chosen)), "")
         if doubt:
-            console.print(f"{chosen} is taken for a real port, not for a virtual prototype's: {doubt}", highlight=False)
+            screen.print(f"{chosen} is taken for a real port, not for a virtual prototype's: {doubt}")
         agree_on_board(chosen, behind.spec, handshake)
-        name = ask_robot(file, robot, console)
+        name = ask_robot(file, robot, screen)
         before = measured_before(file)
         measured = before.hash if before is not None and before.robot == name else ""
         identity = Identity(name, measured, behind.spec)
@@ -83,10 +81,10 @@ def command(
         if handshake is not None:
             require_same_pty(chosen, handshake, transport.descriptor)
         eyes = stack.enter_context(Eyes(None if handshake is None else handshake.observer, scale))
-        walk = Walk(file, name, jogger, eyes.length_mm, console)
+        walk = Walk(file, name, jogger, eyes.length_mm, screen)
         try:
             walk.run()
         except (KeyboardInterrupt, EOFError):
-            console.print(f"\nLeft. What is done is kept; go on with the same command for {file}.", highlight=False)
+            screen.print(f"\nLeft. What is done is kept; go on with the same command for {file}.")
             raise typer.Exit(130) from None
-    console.print(f"Written: {file}. Start the bridge with calibration:={file}", highlight=False)
+    screen.print(f"Written: {file}. Start the bridge with calibration:={file}")

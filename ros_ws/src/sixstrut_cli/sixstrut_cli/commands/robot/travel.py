@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, output_folder, results_page, wrote
+from sixstrut_cli.outputs import announce, console, output_folder, results_page, wrote
 
 if TYPE_CHECKING:
     from tensegrity_lab.stack.virtual_stack import VirtualRobot
@@ -72,16 +72,14 @@ def command(
     if not place:
         _study(study, robot, bags, page)
         return
-    from rich.console import Console
-
     from tensegrity_lab.studies.travel import travel
     from tensegrity_lab.studies.travel_plot import travel_picture
 
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    console.print(robot.words)
+    screen = console()
+    screen.print(robot.words)
     robot.compile()
-    with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links, console.status("starting") as status:
-        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds, domain, console.print)
+    with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links, screen.status("starting") as status:
+        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds, domain, screen.print)
     picture = Path(trip.bag).with_suffix(".png")
     travel_picture(trip, picture)
     if as_json:
@@ -97,16 +95,14 @@ def command(
 
 
 def _study(goals: int, robot: VirtualRobot, folder: Path, page: bool) -> None:
-    from rich.console import Console
-
     from tensegrity_lab.studies.travel_study import cases_of, read_trips, study
 
     robot.compile()
     cases = cases_of(goals, robot.seed)
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    screen = console()
     try:
-        with console.status("starting") as status:
-            study(cases, robot, folder, status.update, console.print)
+        with screen.status("starting") as status:
+            study(cases, robot, folder, status.update, screen.print)
     except KeyboardInterrupt:
         typer.echo(f"\ninterrupted: every finished trip is kept in {folder.resolve()}; the same command goes on", err=True)
         raise typer.Exit(130) from None
