@@ -154,7 +154,9 @@ def test_below_80_columns_help_is_plain_and_no_line_is_too_long(monkeypatch, cap
     assert app.run([]) == 0
     said = capsys.readouterr().out
     assert "│" not in said
-    assert max(map(len, said.splitlines())) <= 60
+    assert "\n  sixstrut roll --from TC6 --to TO5\n" in said
+    broken = [line for line in said.splitlines() if not line.startswith("  sixstrut ")]  # an example is to be copied whole
+    assert max(map(len, broken)) <= 60
 
 
 def test_lines_for_people_break_between_words_at_a_terminal_only(monkeypatch, capsys):

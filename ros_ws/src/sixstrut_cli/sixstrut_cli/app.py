@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import inspect
 import json
 import os
 import re
@@ -92,7 +93,10 @@ def build(arguments: Sequence[str]) -> typer.Typer:
             module = importlib.import_module(f"sixstrut_cli.commands.{entry.module}")
             settings = {**_SETTINGS, **getattr(module, "CONTEXT_SETTINGS", {})}
             command_class = getattr(module, "COMMAND_CLASS", None)
-            app.command(entry.name, context_settings=settings, cls=command_class)(_interruptible(module.command))
+            text = inspect.cleandoc(module.command.__doc__ or "")
+            if narrow():  # plain help would join the examples; \b says that these lines stay as they are
+                text = text.replace("\n\nsixstrut ", "\n\n\b\nsixstrut ")
+            app.command(entry.name, help=text, context_settings=settings, cls=command_class)(_interruptible(module.command))
         else:
             app.command(entry.name, help=entry.help, rich_help_panel=entry.group)(_elsewhere(entry.name))
     return app
