@@ -6,16 +6,17 @@ Packages come in groups. `base` is what every command needs; the others are adde
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from tooling import cmake_exports, stamps
+from tooling import cmake_exports, slimming, stamps
 from tooling.layout import Layout, SetupError
 from tooling.process import Runner
 from tooling.progress import Progress
@@ -24,6 +25,7 @@ from tooling.requirements import Requirement, read_lock
 GROUPS = ("base", "console", "cluster", "checks", "docs", "bench")
 STEPS = 3  # that making the base takes; a further group is one step
 BUILT_FROM_SOURCE = ("empy",)  # pure Python, published without a wheel
+BUILD_TOOLS = ("cmake",)  # not in .venv: there while ros_ws is built
 
 
 def _stamp_file(layout: Layout) -> Path:
@@ -56,7 +58,20 @@ def _installed(layout: Layout) -> dict[str, str]:
 def needed(layout: Layout, groups: Iterable[str]) -> list[Requirement]:
     """The groups' requirements that hold for the running interpreter, each once."""
     found = [r for group in groups for r in read_lock(layout.lock(group)) if r.holds_for(sys.version_info[:2])]
-    return list({r.name: r for r in found}.values())
+    return list({r.name: r for r in found if r.name not in BUILD_TOOLS}.values())
+
+
+@contextlib.contextmanager
+def build_tools(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> Iterator[Path]:
+    """The folder of CMake's programs, which is gone afterwards."""
+    folder = layout.state / "build_tools"
+    requirements = [r for r in read_lock(layout.lock("base")) if r.name in BUILD_TOOLS]
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        _pip(layout, requirements, runner, _clean(environ), "--target", str(folder))
+        yield folder / "cmake" / "data" / "bin"
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def install(layout: Layout, groups: Sequence[str], runner: Runner, environ: Mapping[str, str]) -> None:
@@ -75,10 +90,12 @@ def install(layout: Layout, groups: Sequence[str], runner: Runner, environ: Mapp
     requirements = [r for r in needed(layout, groups) if brought.get(r.name) != r.version]
     with progress.step(f"installing {len(requirements)} packages{_purpose(groups)}"):
         _pip(layout, requirements, runner, environ)
+        progress.result(f"{len(requirements)} packages")
     if "base" in groups:
         with progress.step("repairing the CMake files of the ROS wheels"):
             numpy_include = _ask(layout, "import numpy; print(numpy.get_include())")
             count = cmake_exports.repair(layout.venv, sysconfig.get_path("include"), numpy_include)
+            slimming.slim(layout.venv)
             progress.result(f"{count} files")
     now = there | {group: stamps.packages_stamp(layout, group) for group in groups}
     stamp = _stamp_file(layout)
@@ -115,7 +132,7 @@ def _make(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
     runner.run("making the virtual environment", command, cwd=layout.root, environ=environ)
 
 
-def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, environ: Mapping[str, str]) -> None:
+def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, environ: Mapping[str, str], *more: str) -> None:
     """Two runs: first setuptools, which builds the one package that has no wheel.
 
     So pip fetches no build tools of its own choice, and nothing is ever run that was not checked against the lock.
@@ -123,32 +140,34 @@ def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, enviro
     The lock is complete, so pip is told to resolve nothing: older pips stumble over a dependency with extras as soon as
     a release newer than the locked one appears.
     """
-    command = [str(layout.venv_python), "-m", "pip", "install", "--require-hashes", "--no-deps", "--no-build-isolation"]
-    command += ["--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}"]
-    command += ["--no-input", "--disable-pip-version-check", "--progress-bar=off", "--no-compile"]  # what is never imported
+    python = str(layout.venv_python)
+    exactly = ["--require-hashes", "--no-deps", "--no-build-isolation", *more, "-r"]
+    pip = [python, "-m", "pip", "install", "--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}", "--no-compile"]
+    pip += ["--no-input", "--disable-pip-version-check", "--progress-bar=off", *exactly]
+    uv = shutil.which("uv", path=environ.get("PATH"))
     site_packages = Path(sysconfig.get_path("purelib", vars={"base": str(layout.venv)}))
     counter = _Counter(len(requirements), site_packages, runner.progress)
-    build_tools = [r for r in requirements if r.name == "setuptools"]
     with tempfile.TemporaryDirectory() as folder:
-        for name, part in ("build-tools", build_tools), ("all", requirements):
-            file = Path(folder) / f"{name}.txt"
+        for part in [r for r in requirements if r.name == "setuptools"], requirements:
+            file = Path(folder) / f"{len(part)}.txt"
+            file.write_text("".join(f"{r.text}\n" for r in part), encoding="utf-8")
+
+            def run(command: list[str], file: Path = file) -> None:
+                counter.restart()
+                now = [*command, str(file)]
+                runner.run("installing packages", now, cwd=layout.root, environ=environ, on_line=counter.line, on_tick=counter.tick)
+
             if not part:
                 continue
-            file.write_text("".join(f"{r.text}\n" for r in part), encoding="utf-8")
-            counter.restart()
+            if uv:
+                with contextlib.suppress(SetupError):  # it knows none of pip's settings: where those are needed, pip does it
+                    run([uv, "pip", "install", "--python", python, *exactly])
+                    continue
             try:
-                runner.run(
-                    "installing packages",
-                    [*command, "-r", str(file)],
-                    cwd=layout.root,
-                    environ=environ,
-                    on_line=counter.line,
-                    on_tick=counter.tick,
-                )
+                run(pip)
             except SetupError as error:
                 hint = "If the network failed, run this again; pip's own settings (proxy, index) are respected."
                 raise SetupError(f"{error}\n{hint}") from None
-    runner.progress.result(f"{len(requirements)} packages")
 
 
 class _Counter:

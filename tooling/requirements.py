@@ -18,10 +18,7 @@ _COMPARISONS: dict[str, Callable[[tuple[int, ...], tuple[int, ...]], bool]] = {
     "==": operator.eq,
 }
 _PYTHON = re.compile(r"python(?:_full)?_version (<=|>=|<|>|==) '([\d.]+?)(?:\.\*)?'")
-_FIXED = {
-    "sys_platform == 'win32'": False,
-    "platform_python_implementation != 'PyPy'": True,
-}
+_FIXED = {"sys_platform == 'win32'": False, "platform_python_implementation != 'PyPy'": True}
 
 
 @dataclass(frozen=True)

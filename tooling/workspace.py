@@ -10,7 +10,7 @@ import subprocess
 from collections.abc import Mapping
 from typing import Any
 
-from tooling import environment, stamps
+from tooling import environment, packages, stamps
 from tooling.layout import Layout, SetupError
 from tooling.process import Runner
 from tooling.progress import Progress
@@ -45,21 +45,18 @@ def paths(layout: Layout) -> environment.Paths:
 
 def build(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
     """Build the workspace with colcon."""
-    packages = [folder.name for folder in stamps.package_folders(layout)]
-    with runner.progress.step(f"building ros_ws ({len(packages)} packages)"):
-        base = {"packages": packages, "base": stamps.packages_stamp(layout, "base")}
+    names = [folder.name for folder in stamps.package_folders(layout)]
+    with runner.progress.step(f"building ros_ws ({len(names)} packages)"):
+        base = {"packages": names, "base": stamps.packages_stamp(layout, "base")}
         _clear_if_outdated(layout, base)
         _write(layout, {**base, "stamp": None})
-        counter = _Counter(len(packages), runner.progress)
-        runner.run(
-            "building ros_ws",
-            _command(layout),
-            cwd=layout.workspace,
-            environ=environment.applied(environ, environment.underlay(environ, layout)),
-            on_line=counter.line,
-        )
+        counter = _Counter(len(names), runner.progress)
+        with packages.build_tools(layout, runner, environ) as tools:
+            inside = environment.applied(environ, environment.underlay(environ, layout))
+            inside["PATH"] = f"{tools}{os.pathsep}{inside['PATH']}"
+            runner.run("building ros_ws", _command(layout), cwd=layout.workspace, environ=inside, on_line=counter.line)
         _write(layout, {**base, "stamp": stamps.workspace_stamp(layout), "paths": _sourced(layout)})
-        runner.progress.result(f"{len(packages)} packages")
+        runner.progress.result(f"{len(names)} packages")
 
 
 def remove(layout: Layout) -> None:
@@ -82,6 +79,7 @@ def _command(layout: Layout) -> list[str]:
         "--event-handlers=console_cohesion+",
         "--cmake-args",
         "-DBUILD_TESTING=OFF",
+        "-DPYTHON_ONLY=ON",
         # Otherwise CMake may prefer another, newer Python that it finds on the machine.
         f"-DPython3_EXECUTABLE={python}",
     ]

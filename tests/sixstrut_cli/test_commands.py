@@ -2,12 +2,16 @@
 """The commands as a user types them, in a process of their own where exit codes and streams matter."""
 
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
 from sixstrut_cli.registry import entries
+
+ROOT = Path(__file__).parents[2]
 
 
 def sixstrut(*words, limit_s=60):
@@ -135,6 +139,37 @@ def test_a_robustness_study_writes_json_tables_and_picture(tmp_path):
     assert [row["name"] for row in document["primitives"]] == ["A"]
     assert (tmp_path / "p.png").exists()
     assert len((tmp_path / "csv" / "trials.csv").read_text().splitlines()) == 25
+
+
+BEFORE_ANYTHING_IS_LOADED = """
+import contextlib, io, json, sys
+sys.modules |= dict.fromkeys(("numpy", "sim_core", "rclpy", "rich", "tensegrity_lab", "tensegrity_console"))
+from sixstrut_cli import app
+
+class Terminal(io.StringIO):
+    isatty = lambda self: True
+
+told = {}
+for line in sys.argv[1:]:
+    with contextlib.redirect_stderr(Terminal()) as said, contextlib.redirect_stdout(io.StringIO()):
+        app.run(line.split())
+    told[line] = said.getvalue().splitlines()
+print(json.dumps(told))
+"""
+SLOW = (
+    "demo", "console", "foxglove", "roll", "replay x.mcap", "doctor", "rehearse", "route TC6 TC1", "robustness robust", "climb",
+    "search", "recheck x.yaml", "calibrate-model", "travel 0.3,0.2", "play x.mcap", "report", "odds", "fit", "campaign", "validate",
+    "bench", "faults",
+)  # fmt: skip
+
+
+def test_a_command_that_loads_or_computes_says_first_what_it_does(tmp_path):
+    environ = {**os.environ, "SIXSTRUT_ROOT": str(ROOT)}
+    command = [sys.executable, "-c", BEFORE_ANYTHING_IS_LOADED, *SLOW]
+    told = json.loads(subprocess.run(command, cwd=tmp_path, env=environ, capture_output=True, text=True, check=True).stdout)
+    for line, (first, *_, last) in told.items():
+        assert not first.startswith("error:"), line
+        assert last.startswith("error: ModuleNotFoundError"), (line, last)
 
 
 def test_commands_accept_the_perturbations_that_the_model_does():

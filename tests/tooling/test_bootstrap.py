@@ -142,3 +142,41 @@ def test_groups_are_added_and_a_new_base_brings_all_that_were_there(fresh: Path)
     with layout.lock("base").open("a") as lock:
         lock.write("more==1 --hash=sha256:00\n")
     assert packages.missing(layout, ("console",)) == ["base", "console", "checks"]
+
+
+def test_cmake_is_in_the_lock_but_not_in_the_environment(fresh: Path):
+    names = {requirement.name for requirement in packages.needed(Layout(fresh), ["base"])}
+    assert "colcon-core" in names
+    assert not names & set(packages.BUILD_TOOLS)
+
+
+def test_the_tools_of_the_build_go_with_it(fresh: Path, runner: Runner, monkeypatch: pytest.MonkeyPatch):
+    layout = Layout(fresh)
+    asked: list[str] = []
+
+    def installed_into(layout: Layout, requirements: list, runner: Runner, environ: object, *words: str) -> None:
+        asked.extend(requirement.name for requirement in requirements)
+        (Path(words[-1]) / "cmake" / "data" / "bin").mkdir(parents=True)
+
+    monkeypatch.setattr(packages, "_pip", installed_into)
+    with packages.build_tools(layout, runner, os.environ) as programs:
+        assert programs.is_dir()
+    assert asked == list(packages.BUILD_TOOLS)
+    assert not (layout.state / "build_tools").exists()
+
+
+@pytest.mark.parametrize(("uv_fails", "asked"), [(False, ["uv"]), (True, ["uv", "pip"])])
+def test_uv_is_used_where_it_is_there_and_pip_where_uv_fails(
+    fresh: Path, runner: Runner, tmp_path: Path, uv_fails: bool, asked: list
+):
+    told = tmp_path / "told"
+    layout = Layout(fresh)
+    for path, name, code in ((tmp_path / "uv", "uv", int(uv_fails)), (layout.venv_python, "pip", 0)):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f'#!/bin/sh\necho {name} "$@" >> {told}\nexit {code}\n')
+        path.chmod(0o755)
+    with packages.build_tools(layout, runner, {"PATH": f"{tmp_path}:{os.environ['PATH']}"}):
+        pass
+    lines = told.read_text().splitlines()
+    assert [line.split()[0] for line in lines] == asked
+    assert all("--require-hashes --no-deps" in line for line in lines)

@@ -4,13 +4,14 @@
 import json
 import subprocess
 import sys
+from pathlib import Path
 from types import ModuleType
 from typing import Annotated
 
 import pytest
 import typer
 
-from sixstrut_cli import app, registry
+from sixstrut_cli import app, outputs, registry
 
 
 def use(monkeypatch: pytest.MonkeyPatch, command) -> None:
@@ -129,10 +130,49 @@ def test_with_json_an_error_is_json_too(monkeypatch, capsys):
     assert said.err.startswith("error: ")
 
 
+def test_with_json_wrong_usage_is_json_too(monkeypatch, capsys):
+    def command(count: Annotated[int, typer.Option(min=1)] = 1, as_json: Annotated[bool, typer.Option("--json")] = False) -> None:
+        pass
+
+    use(monkeypatch, command)
+    assert app.run(["test", "--json", "--count", "0"]) == 2
+    said = capsys.readouterr()
+    assert "'--count'" in json.loads(said.out)["error"]
+    assert said.err.startswith("error: ")
+    assert said.err.count("\n") == 1
+
+
+def test_a_question_that_nobody_can_answer_is_told(monkeypatch, capsys):
+    use(monkeypatch, raising(EOFError()))
+    assert app.run(["test"]) == 1
+    assert "standard input ended" in capsys.readouterr().err
+
+
 def test_below_80_columns_help_is_plain_and_no_line_is_too_long(monkeypatch, capsys):
     monkeypatch.setenv("COLUMNS", "60")
     assert app.run(["roll", "--help"]) == 0
     assert app.run([]) == 0
     said = capsys.readouterr().out
     assert "│" not in said
-    assert max(map(len, said.splitlines())) <= 60
+    assert "\n  sixstrut roll --from TC6 --to TO5\n" in said
+    broken = [line for line in said.splitlines() if not line.startswith("  sixstrut ")]  # an example is to be copied whole
+    assert max(map(len, broken)) <= 60
+
+
+def test_lines_for_people_break_between_words_at_a_terminal_only(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "30")
+    line = "three words and /a/path/that/is/longer/than/the/terminal and more"
+    outputs.say(line)
+    assert capsys.readouterr().out == line + "\n"
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    outputs.say("  first\n" + line)
+    said = capsys.readouterr().out.splitlines()
+    assert said[0] == "  first"
+    assert "    /a/path/that/is/longer/than/the/terminal" in said
+    assert " ".join(" ".join(said[1:]).split()) == line
+
+
+def test_what_was_written_is_told_with_its_whole_path(monkeypatch, tmp_path, capsys):
+    monkeypatch.chdir(tmp_path)
+    outputs.wrote(Path("out/a.png"), None, Path("b.yaml"))
+    assert capsys.readouterr().out == f"wrote {tmp_path}/out/a.png\nwrote {tmp_path}/b.yaml\n"

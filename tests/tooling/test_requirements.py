@@ -23,6 +23,7 @@ def test_there_is_a_lock_for_each_group_and_each_command_names_groups_that_there
         assert set(registry.packages_of(name, [name])) <= set(GROUPS) - {"base"}
     assert registry.packages_of("robustness", ["robustness", "--scheduler", "tcp:x"]) == ("cluster",)
     assert registry.packages_of("search", ["search", "--scheduler=tcp:x"]) == ("cluster",)
+    assert registry.packages_of("demo", ["demo", "--console"]) == ("console",)
     assert registry.packages_of(None, []) == ()
 
 

@@ -11,17 +11,15 @@ from sim_core.dynamics.model import Model, build_model
 from sim_core.errors import ParameterError
 from sim_core.structure.topology import TENDONS
 
-LAW = (
-    "uniform and independent at scale s: each rope's stiffness ±s and rest length ±0.17 s, each joint's and the box's mass ±s, "
-    "each strut's stroke ±s/2, friction ±2 s (both coefficients together)"
-)
-"""The law of `perturb` in words."""
 MAX_SCALE = 0.3
 """Beyond it some prototypes would need a smaller time step, or have slack ropes."""
 
 
 def perturb(model: Model, scale: float, seed: int) -> Model:
-    """A copy of the model with every member off by its own random error (see LAW); scale 0 returns the same numbers.
+    """A copy of the model with every member off by its own random error; scale 0 returns the same numbers.
+
+    Uniform and independent at scale s: each rope's stiffness ±s and rest length ±0.17 s, each joint's and the box's mass ±s, each
+    strut's stroke ±s/2, friction ±2 s (both coefficients together).
 
     Args:
         model: the robot's model.

@@ -6,9 +6,8 @@ A command is a module in `sixstrut_cli/commands/` with a function `command`, ann
     def command(gait: Annotated[str, typer.Argument(help="…")], speed: Annotated[float, typer.Option()] = 1.0) -> None:
         \"\"\"What it does; shown by `./sixstrut NAME --help`.\"\"\"
 
-It appears once the module exists and `registry.py` names it. A module with `app`, a `typer.Typer()`, instead of
-`command` becomes a command with sub-commands. `CONTEXT_SETTINGS` and `COMMAND_CLASS`, if present, go to typer. Only the module
-of the command that was asked for is imported, so each may import what it likes at its top.
+It appears once the module exists and `registry.py` names it. `CONTEXT_SETTINGS` and `COMMAND_CLASS`, if present, go to typer.
+Only the module of the command that was asked for is imported, so each may import what it likes at its top.
 
 Exit codes: 0 done, 1 the command failed, 2 wrong usage, 3 set-up failed, 130 interrupted. A command ends itself with
 another one by `raise typer.Exit(code)`. It raises its package's errors as they are: `sim_core.errors.SimError` and
@@ -20,6 +19,7 @@ from __future__ import annotations
 
 import functools
 import importlib
+import inspect
 import json
 import os
 import re
@@ -60,23 +60,21 @@ def run(arguments: Sequence[str]) -> int:
         return 0
     words = [f" {word}" if _NEGATIVE.fullmatch(word) else word for word in arguments]
     try:
-        build(words)(args=words or ["--help"], prog_name="sixstrut")
-    except SystemExit as end:  # typer's way to return
-        return _exit_code(end)
+        return build(words)(args=words or ["--help"], prog_name="sixstrut", standalone_mode=False) or 0
     except KeyboardInterrupt:
         return EXIT_INTERRUPTED
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing left to flush at exit
         return EXIT_FAILED
     except Exception as error:
-        if debugging(arguments):
+        usage = isinstance(error, typer.TyperException)
+        if debugging(arguments) and not usage:
             raise
-        said = _STEERING.sub("", _describe(error))  # a file's text may be in it
-        print(f"error: {said}", file=sys.stderr)
+        text = _STEERING.sub("", _describe(error))  # a file's text may be in it
+        print(f"error: {text}", file=sys.stderr)
         if "--json" in words:
-            print(json.dumps({"error": said}))  # where a script reads
-        return EXIT_FAILED
-    return 0
+            print(json.dumps({"error": text}))  # where a script reads
+        return getattr(error, "exit_code", EXIT_FAILED)
 
 
 def build(arguments: Sequence[str]) -> typer.Typer:
@@ -92,7 +90,13 @@ def build(arguments: Sequence[str]) -> typer.Typer:
     asked = next((a for a in arguments if not a.startswith("-")), None)
     for entry in registry.entries():
         if entry.name == asked and entry.module is not None:
-            _add(app, entry, importlib.import_module(f"sixstrut_cli.commands.{entry.module}"))
+            module = importlib.import_module(f"sixstrut_cli.commands.{entry.module}")
+            settings = {**_SETTINGS, **getattr(module, "CONTEXT_SETTINGS", {})}
+            command_class = getattr(module, "COMMAND_CLASS", None)
+            text = inspect.cleandoc(module.command.__doc__ or "")
+            if narrow():  # plain help would join the examples; \b says that these lines stay as they are
+                text = text.replace("\n\nsixstrut ", "\n\n\b\nsixstrut ")
+            app.command(entry.name, help=text, context_settings=settings, cls=command_class)(_interruptible(module.command))
         else:
             app.command(entry.name, help=entry.help, rich_help_panel=entry.group)(_elsewhere(entry.name))
     return app
@@ -102,15 +106,6 @@ def _frame(
     debug: Annotated[bool, typer.Option("--debug", envvar="SIXSTRUT_DEBUG", help="Show the traceback of an error.")] = False,
 ) -> None:
     """A six-strut rolling tensegrity robot: its model, its gaits, its ROS 2 nodes."""
-
-
-def _add(app: typer.Typer, entry: registry.Entry, module: Any) -> None:
-    settings = {**_SETTINGS, **getattr(module, "CONTEXT_SETTINGS", {})}
-    if hasattr(module, "app"):
-        app.add_typer(module.app, name=entry.name, context_settings=settings, rich_help_panel=entry.group)
-    else:
-        cls = getattr(module, "COMMAND_CLASS", None)
-        app.command(entry.name, context_settings=settings, cls=cls, rich_help_panel=entry.group)(_interruptible(module.command))
 
 
 def _interruptible(command: Callable[..., None]) -> Callable[..., None]:
@@ -138,7 +133,7 @@ def _elsewhere(name: str) -> Callable[[], None]:
 
 
 def narrow() -> bool:
-    """Whether frames would be rubble here: help and errors are plain text then."""
+    """Whether frames would be rubble here: help is plain text then."""
     return shutil.get_terminal_size().columns < NARROW
 
 
@@ -148,14 +143,11 @@ def debugging(arguments: Sequence[str]) -> bool:
 
 
 def _describe(error: Exception) -> str:
+    if isinstance(error, typer.TyperException):
+        return f"{error.format_message()} (sixstrut COMMAND --help tells what is valid)"
+    if isinstance(error, typer.Abort):
+        return "standard input ended, and there was a question left"
     ancestors = {f"{cls.__module__}.{cls.__qualname__}" for cls in type(error).__mro__}
     if ancestors & EXPECTED_ERRORS:
         return str(error)
     return f"{type(error).__name__}: {error} (traceback: SIXSTRUT_DEBUG=1)"
-
-
-def _exit_code(end: SystemExit) -> int:
-    if end.code is None or isinstance(end.code, int):
-        return end.code or 0
-    print(end.code, file=sys.stderr)
-    return EXIT_FAILED

@@ -24,11 +24,10 @@ START, SIMULATE, ROBOT, TRIALS, DEVELOP = "Start here", "Simulate", "Robot", "Tr
 GROUPS = (START, SIMULATE, ROBOT, TRIALS, DEVELOP)
 """Of the help, in this order."""
 
+_FOR_TESTS = ("console", "cluster", "checks")
 _ALL = (
     Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "robot.demo", START),
-    Entry(
-        "console", "The robot in the browser: twin, chances, rolls by clicks, a stop button.", "robot.console", START, ("console",)
-    ),
+    Entry("console", "The robot in the browser: twin, rolls by clicks, a stop button.", "robot.console", START, ("console",)),
     Entry("roll", "Simulate one roll and judge it.", "model.roll", START),
     Entry("replay", "Step the twin through a recorded session and compare.", "trials.replay", START),
     Entry("doctor", "Check port, pairing, calibration, disk and versions; say how to mend each.", "robot.doctor", START),
@@ -43,13 +42,7 @@ _ALL = (
     Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "robot.calibrate", ROBOT),
     Entry("travel", "Roll the virtual prototype to a place on the floor, replanned after every roll.", "robot.travel", ROBOT),
     Entry("play", "Play a recorded session into ROS, for a twin and viewers.", "robot.play", ROBOT),
-    Entry(
-        "foxglove",
-        "Serve the live stack to the Foxglove app: every topic, and a stop button.",
-        "robot.foxglove",
-        ROBOT,
-        ("console",),
-    ),
+    Entry("foxglove", "Serve the live stack to the Foxglove app, with a stop button.", "robot.foxglove", ROBOT, ("console",)),
     Entry("trial", "Run a session of trials, a day long and resumable: primitives × gaits × repeats.", "trials.trial", TRIALS),
     Entry("report", "Success rates, intervals and tests of sessions, as a page with Figure 8.", "trials.report", TRIALS),
     Entry("odds", "Were the predicted success probabilities right? Bags against what happened.", "trials.odds", TRIALS),
@@ -59,17 +52,14 @@ _ALL = (
     Entry("bench", "Measure the solver beside MuJoCo, or the stack's own cost.", "develop.bench", DEVELOP, ("bench",)),
     Entry("faults", "Make failures happen to the stack and look what comes of each.", "develop.faults", DEVELOP),
     Entry("docs", "Write the reference from the code; build the documentation's site.", "develop.docs", DEVELOP, ("docs",)),
-    Entry(
-        "test",
-        "Run the checks and tests; with arguments, only pytest with these.",
-        "develop.test",
-        DEVELOP,
-        ("console", "cluster", "checks"),
-    ),
-    Entry("setup", "Only set up: .venv with all packages, and the build of ros_ws.", None, DEVELOP),
+    Entry("test", "Run the checks and tests; with arguments, only pytest with these.", "develop.test", DEVELOP, _FOR_TESTS),
+    Entry("setup", "Only set up: .venv and the build of ros_ws; commands that need more packages add them.", None, DEVELOP),
     Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None, DEVELOP),
     Entry("clean", "Remove what set-up made.", None, DEVELOP),
 )
+
+_OPTIONS = {"--scheduler": "cluster", "--console": "console"}
+"""Options of any command -> the group of packages that they need."""
 
 SETUP_COMMANDS = frozenset(entry.name for entry in _ALL if entry.module is None)
 
@@ -100,7 +90,7 @@ def names() -> list[str]:
 def packages_of(name: str | None, arguments: Sequence[str]) -> tuple[str, ...]:
     """Groups of packages that a command line needs beside the base."""
     groups = next((entry.packages for entry in _ALL if entry.name == name), ())
-    return (*groups, "cluster") if any(word.split("=")[0] == "--scheduler" for word in arguments) else groups
+    return (*groups, *(group for option, group in _OPTIONS.items() if any(word.split("=")[0] == option for word in arguments)))
 
 
 def static_help(name: str | None) -> str:
@@ -120,7 +110,9 @@ def static_help(name: str | None) -> str:
             textwrap.fill("A six-strut rolling tensegrity robot: its model, its gaits, its ROS 2 nodes.", room),
             *lines,
             "",
-            textwrap.fill("The first command that needs them installs all packages into .venv and builds ros_ws, once.", room),
+            textwrap.fill(
+                "The first command installs packages into .venv and builds ros_ws, once; one that needs more adds it.", room
+            ),
         ]
     )
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import inspect
 import re
 from pathlib import Path
 
@@ -44,7 +43,7 @@ def _command(name: str) -> list[str]:
     command = group.commands[name]  # type: ignore[attr-defined]
     context = typer.Context(command, info_name=name)
     usage = " ".join(["./sixstrut", name, *command.collect_usage_pieces(context)])
-    prose, examples = _parts(inspect.cleandoc(command.help or ""))
+    prose, examples = _parts((command.help or "").replace("\b\n", ""))
     lines = [*map(_plain, prose), "", "```text", usage, "```"]
     if examples:
         lines += ["", "For example:", "", "```text", *examples, "```"]

@@ -12,11 +12,10 @@ from sixstrut_cli.reference import NOTE, table
 
 
 class Kind(NamedTuple):
-    """A kind of file. Attributes: module: has its reader, and `SCHEMA` if `versioned`. example: in the repository, or empty."""
+    """A kind of file. `module` has its reader, and `SCHEMA` if it has versions; `example`: in the repository, or empty."""
 
     name: str
     module: str
-    versioned: bool
     form: str
     holds: str
     written: str
@@ -24,115 +23,39 @@ class Kind(NamedTuple):
     example: str = ""
 
 
+# fmt: off
 KINDS = (
-    Kind(
-        "prototype",
-        "sim_core.structure.parameters",
-        True,
-        "YAML",
-        "every number of a robot, with unit and source",
-        "by hand, `calibrate-model`",
-        "`--prototype`, the nodes' `prototype_file`",
-        "sim_core/sim_core/data/prototype.yaml",
-    ),
-    Kind(
-        "actuators",
-        "sim_core.dynamics.actuators",
-        True,
-        "YAML",
-        "how the servo actuators behave under load",
-        "by hand",
-        "`--actuators`",
-        "sim_core/sim_core/data/actuators.yaml",
-    ),
-    Kind(
-        "library",
-        "sim_core.gaits.library",
-        True,
-        "YAML",
-        "primitives, with margins, the model's hash, and how they were found",
-        "`search`",
-        "`--library`, planner, traveller",
-        "sim_core/sim_core/data/libraries/robust.yaml",
-    ),
-    Kind(
-        "gait odds",
-        "sim_core.gaits.success_probability",
-        True,
-        "YAML",
-        "successes and trials of every gait of one library",
-        "`robustness --odds`, `fit --odds`",
-        "`route --odds`, the nodes' `odds_file`",
-        "sim_core/sim_core/data/odds/robust.yaml",
-    ),
-    Kind(
-        "climb limits",
-        "sim_core.gaits.climb_limits",
-        True,
-        "YAML",
-        "the steepest ground that each primitive of one library climbs",
-        "`climb -o`",
-        "traveller",
-        "sim_core/sim_core/data/climbs/robust.yaml",
-    ),
-    Kind(
-        "ensemble",
-        "sim_core.uncertainty.ensemble",
-        True,
-        "YAML",
-        "robots fitted to trials, with weights",
-        "`fit --ensemble`",
-        "`rehearse --ensemble`, `search robust --ensemble`",
-    ),
-    Kind(
-        "calibration",
-        "hardware_bridge.calibration.calibration_file",
-        False,
-        "YAML",
-        "length to pulse, strut by strut, of one robot",
-        "`calibrate`",
-        "the bridge's `calibration`, `doctor`",
-        "hardware_bridge/hardware_bridge/data/calibration_default.yaml",
-    ),
-    Kind(
-        "session",
-        "tensegrity_lab.session_data.folder",
-        True,
-        "folder",
-        "a session of trials: settings, plan, ledger, bags, report",
-        "`trial`, `campaign`",
-        "`trial` (goes on), `report`, `fit`, `odds`",
-    ),
-    Kind(
-        "bag",
-        "hardware_bridge.recording.bag_reader",
-        False,
-        "MCAP",
-        "all that a bridge sent, heard and saw in one session",
-        "the bridge",
-        "`replay`, `play`, `fit`, `odds`, Foxglove, PlotJuggler",
-        "bags/example.mcap",
-    ),
-    Kind(
-        "last pulses",
-        "hardware_bridge.saved_state.last_pulses",
-        False,
-        "JSON",
-        "what each strut was last sent, of one robot",
-        "the bridge, before each write",
-        "the bridge, before it arms",
-    ),
-    Kind(
-        "duty",
-        "hardware_bridge.saved_state.duty_record",
-        False,
-        "JSON",
-        "how long each strut has run lately, of one robot",
-        "the bridge",
-        "the bridge",
-    ),
+    Kind("prototype", "sim_core.structure.parameters", "YAML",
+         "every number of a robot, with unit and source", "by hand, `calibrate-model`",
+         "`--prototype`, the nodes' `prototype_file`", "sim_core/sim_core/data/prototype.yaml"),
+    Kind("actuators", "sim_core.dynamics.actuators", "YAML",
+         "how the servo actuators behave under load", "by hand", "`--actuators`", "sim_core/sim_core/data/actuators.yaml"),
+    Kind("library", "sim_core.gaits.library", "YAML",
+         "primitives, with margins, the model's hash, and how they were found", "`search`",
+         "`--library`, planner, traveller", "sim_core/sim_core/data/libraries/robust.yaml"),
+    Kind("gait odds", "sim_core.gaits.success_probability", "YAML",
+         "successes and trials of every gait of one library", "`robustness --odds`, `fit --odds`",
+         "`route --odds`, the nodes' `odds_file`", "sim_core/sim_core/data/odds/robust.yaml"),
+    Kind("climb limits", "sim_core.gaits.climb_limits", "YAML",
+         "the steepest ground that each primitive of one library climbs", "`climb -o`",
+         "traveller", "sim_core/sim_core/data/climbs/robust.yaml"),
+    Kind("ensemble", "sim_core.uncertainty.ensemble", "YAML",
+         "robots fitted to trials, with weights", "`fit --ensemble`", "`rehearse --ensemble`, `search robust --ensemble`"),
+    Kind("calibration", "hardware_bridge.calibration.calibration_file", "YAML",
+         "length to pulse, strut by strut, of one robot", "`calibrate`",
+         "the bridge's `calibration`, `doctor`", "hardware_bridge/hardware_bridge/data/calibration_default.yaml"),
+    Kind("session", "tensegrity_lab.session_data.folder", "folder",
+         "a session of trials: settings, plan, ledger, bags, report", "`trial`, `campaign`",
+         "`trial` (goes on), `report`, `fit`, `odds`"),
+    Kind("bag", "hardware_bridge.recording.bag_reader", "MCAP",
+         "all that a bridge sent, heard and saw in one session", "the bridge",
+         "`replay`, `play`, `fit`, `odds`, Foxglove, PlotJuggler", "bags/example.mcap"),
+    Kind("last pulses", "hardware_bridge.saved_state.last_pulses", "JSON",
+         "what each strut was last sent, of one robot", "the bridge, before each write", "the bridge, before it arms"),
+    Kind("duty", "hardware_bridge.saved_state.duty_record", "JSON",
+         "how long each strut has run lately, of one robot", "the bridge", "the bridge"),
 )
-
+# fmt: on
 
 SCHEMAS = """\
 *Schema* is the number that the file states as `schema:`; a file of another number is refused. Files of the robot's state are in
@@ -152,7 +75,7 @@ def page(_: Path) -> str:
 
     rows = [
         (
-            kind.name, kind.form, _version(kind), kind.holds, kind.written, kind.read,
+            kind.name, kind.form, str(getattr(import_module(kind.module), "SCHEMA", "–")), kind.holds, kind.written, kind.read,
             f"[`{Path(kind.example).name}`](../../{kind.example})" if kind.example else "",
         )
         for kind in KINDS
@@ -181,8 +104,3 @@ def page(_: Path) -> str:
         BAG,
     ]
     return "\n".join(lines) + "\n"
-
-
-def _version(kind: Kind) -> str:
-    module = import_module(kind.module)
-    return str(module.SCHEMA) if kind.versioned else "–"

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import ast
 import re
 from pathlib import Path
 from typing import NamedTuple
@@ -133,11 +132,7 @@ def _uses(sources: Path) -> list[Use]:
 def _profiles() -> list[tuple[str, str, str, str]]:
     from tensegrity_robot.ros import qos
 
-    tree = ast.parse(Path(qos.__file__).read_text(encoding="utf-8"))
-    rows = []
-    for node, after in zip(tree.body, tree.body[1:], strict=False):
-        if isinstance(node, ast.Assign) and isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
-            name = node.targets[0].id  # type: ignore[attr-defined]
-            profile = getattr(qos, name)
-            rows.append((name, str(profile.depth), profile.durability.name.lower(), str(after.value.value)))
-    return rows
+    text = Path(qos.__file__).read_text(encoding="utf-8")
+    told = re.findall(r'^([A-Z_]+) = [^"]*\n"""(.*?)"""$', text, re.MULTILINE | re.DOTALL)
+    profiles = [(name, getattr(qos, name), about) for name, about in told]
+    return [(name, str(one.depth), one.durability.name.lower(), about) for name, one, about in profiles]

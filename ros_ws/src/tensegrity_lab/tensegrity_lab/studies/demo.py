@@ -19,7 +19,6 @@ from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from sim_core.structure.symmetry import GROUP, carrier
-from sim_core.uncertainty.seeded_perturbation import LAW
 from tensegrity_lab.bags.replay import replay
 from tensegrity_lab.reports.figure import session_picture
 from tensegrity_lab.stack.processes import Stack, Uninterrupted
@@ -60,7 +59,7 @@ def run(plan: Plan) -> int:
         raise Interrupted
 
     signal.signal(signal.SIGTERM, interrupt)
-    console = Console(highlight=False, soft_wrap=True)
+    console = Console(highlight=False, soft_wrap=not sys.stdout.isatty())  # at a terminal lines break between words
     with private_domain(plan.domain) as domain, tempfile.TemporaryDirectory(prefix="sixstrut-demo-") as folder:
         return _Demo(plan, Path(folder), domain, console).run()
 
@@ -178,7 +177,8 @@ class _Demo:
                 show(f"warning: {name} ended with exit code {code} (log: {log_folder / name}.log)")
         kind = f"{self.done} of {plan.rolls} rolls succeeded in {self.tries} tries, {self.mirrors} of them by mirrored gaits"
         show("stopped by you: struts held, bag closed" if stopped else kind)
-        show(f"perturbation: scale {plan.robot.perturbation:g}, seed {plan.robot.seed}; {LAW}")
+        off = f"off by ±{100 * plan.robot.perturbation:g} % (docs/model.md, Perturbed prototypes), seed {plan.robot.seed}"
+        show(f"virtual prototype: {off}")
         if self.bag is None or not self.bag.exists():
             show("no bag was recorded" if self.bag is None else f"the bag {self.bag} is missing")
             return

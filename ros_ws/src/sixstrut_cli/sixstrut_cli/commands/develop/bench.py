@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
+import importlib
+import json
 import os
 import signal
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import JsonOption, OutputOption, PageOption, PrototypeOption, output_folder, results_page
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, output_folder, repository, results_page, wrote
 
 
 def command(
@@ -19,20 +22,16 @@ def command(
         bool, typer.Option("--stack", help="What the stack itself costs instead: twin, latency, recorder, processes, start.")
     ] = False,
     library: Annotated[
-        str | None,
-        typer.Option(metavar="NAME", help="Only roll this library's gaits in MuJoCo, and count.", show_default=False),
+        str | None, typer.Option(metavar="NAME", help="Only roll this library's gaits in MuJoCo, and count.")
     ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="A minute or two, rougher figures; not for --page.", show_default=False)
-    ] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="A minute or two, rougher figures; not for --page.")] = False,
     threads: Annotated[
-        int | None,
-        typer.Option(min=1, help="Threads to measure besides one; default: 2, if there are two processors.", show_default=False),
+        int | None, typer.Option(min=1, help="Threads to measure besides one; default: 2, if there are two processors.")
     ] = None,
-    output: OutputOption = None,
-    page: PageOption = False,
-    as_json: JsonOption = False,
-    prototype: PrototypeOption = None,
+    output: options.Output = None,
+    page: options.Page = False,
+    as_json: options.Json = False,
+    prototype: options.Prototype = None,
 ) -> None:
     """Measure the solver beside MuJoCo: the same robot, the same policies, one run (about five minutes).
 
@@ -44,13 +43,12 @@ def command(
     sixstrut bench --stack --quick --json
     sixstrut bench --library robust
     """
-    root = os.environ.get("SIXSTRUT_ROOT")
-    if root is None or not (Path(root) / "requirements").is_dir():
-        raise typer.BadParameter("the benchmark is in the repository: run ./sixstrut bench there")
+    repository("requirements")
     if page and (quick or prototype is not None or library is not None):
         raise typer.BadParameter("the page is of a whole run: leave --quick, --prototype and --library out", param_hint="--page")
     name = "benchmark_stack.md" if stack else "benchmark.md"
     path = results_page(name) if page else output_folder("bench", output) / name
+    announce("measuring, about five minutes; --quick one or two; Ctrl-C leaves at any time, then nothing is written")
     if library is not None:
         _in_mujoco(library, threads, as_json, prototype)
     elif stack:
@@ -69,23 +67,15 @@ def _measure_stack(quick: bool, path: Path, as_json: bool) -> None:
     from tensegrity_lab.benchmarks.stack import measure, metrics, report
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes have to be ended
-    result = measure.measure(metrics.QUICK if quick else metrics.Plan(), _say)
-    picture = path.parent / "images" / f"{path.stem}.png"
-    report.draw(result, picture)
-    path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
-    _say(f"wrote {path} and {picture}")
-    typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
+    _tell(report, measure.measure(metrics.QUICK if quick else metrics.Plan(), _say), path, as_json)
 
 
 def _measure_solver(quick: bool, threads: int | None, path: Path, as_json: bool, prototype: Path | None) -> None:
-    import importlib
-
     from sim_core.dynamics.model import build_model
     from sim_core.structure.parameters import load_prototype
     from sim_core.twin.model_versions import label_of
     from tensegrity_lab.benchmarks.solver import equilibrium, measure, report
 
-    say = _say
     load = os.getloadavg()[0]
     most = threads or min(2, os.cpu_count() or 1)
     plan = measure.Plan(threads=tuple(dict.fromkeys((1, most))))
@@ -93,25 +83,27 @@ def _measure_solver(quick: bool, threads: int | None, path: Path, as_json: bool,
         plan = replace(plan, tasks=8, rounds=2, budget_s=0.1, judged=64, memory_rolls=4)
     robot = load_prototype(prototype)
     tasks = measure.tasks_of(robot, plan.tasks, plan.seed)
-    speeds = measure.speeds(measure.engines_of(robot), measure.moments_of(tasks, plan.seed), plan, say)
-    judged = measure.judged_rolls(robot, measure.tasks_of(robot, plan.judged, plan.seed), most, say)
-    rehearsal = measure.rehearsal(robot, most, say)
+    speeds = measure.speeds(measure.engines_of(robot), measure.moments_of(tasks, plan.seed), plan, _say)
+    judged = measure.judged_rolls(robot, measure.tasks_of(robot, plan.judged, plan.seed), most, _say)
+    rehearsal = measure.rehearsal(robot, most, _say)
     rests = equilibrium.rests(robot)
-    accuracies = measure.accuracies(robot, tasks, most, say)
-    memories = measure.memories(str(prototype) if prototype else None, plan, say)
-    mujoco = importlib.import_module("mujoco").__version__
-    machine = report.this_machine(mujoco, (load, os.getloadavg()[0]))
+    accuracies = measure.accuracies(robot, tasks, most, _say)
+    memories = measure.memories(str(prototype) if prototype else None, plan, _say)
+    machine = report.this_machine(importlib.import_module("mujoco").__version__, (load, os.getloadavg()[0]))
     result = report.Report(machine, plan, label_of(build_model(robot).hash), speeds, judged, rehearsal, rests, accuracies, memories)
+    _tell(report, result, path, as_json)
+
+
+def _tell(report: Any, result: Any, path: Path, as_json: bool) -> None:
+    """Write the page and its picture; print it. `report`: the module that knows how."""
     picture = path.parent / "images" / f"{path.stem}.png"
     report.draw(result, picture)
     path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
-    say(f"wrote {path} and {picture}")
+    wrote(path, picture, err=True)
     typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
 
 
 def _in_mujoco(name: str, threads: int | None, as_json: bool, prototype: Path | None) -> None:
-    import json
-
     from sim_core.gaits.library import load_library
     from sim_core.structure.parameters import load_prototype
     from tensegrity_lab.benchmarks.solver.library_in_mujoco import text_of, tried_in_mujoco

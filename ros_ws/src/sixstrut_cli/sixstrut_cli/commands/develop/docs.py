@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-import importlib.util
-import os
 import subprocess
 import sys
 from pathlib import Path
@@ -12,19 +10,16 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import output_folder
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, output_folder, repository, wrote
 
 EXIT_DIFFERENT = 4
-PACKAGES = ("sphinx", "myst_parser", "furo")
 
 
 def command(
     check: Annotated[bool, typer.Option("--check", help="Write nothing: compare the reference pages with the code.")] = False,
     pages_only: Annotated[bool, typer.Option("--pages-only", help="Write the reference pages, build no site.")] = False,
-    output: Annotated[
-        Path | None,
-        typer.Option("--output", "-o", help="Folder of the site. [default: out/site]", show_default=False),
-    ] = None,
+    output: options.Output = None,
 ) -> None:
     """Write docs/reference/ from the code, and build the site of docs/, which needs no network when it is read.
 
@@ -35,10 +30,8 @@ def command(
     """
     from sixstrut_cli.reference import pages
 
-    root = Path(os.environ.get("SIXSTRUT_ROOT", "."))
-    folder = root / "docs" / "reference"
-    if not folder.is_dir():
-        raise typer.BadParameter(f"{folder} is not there: the documentation is in the repository, run ./sixstrut docs there")
+    folder = repository("docs/reference")
+    root = folder.parents[1]
     texts = {folder / name: make(root) for name, make in pages().items()}
     different = [path for path, text in texts.items() if not path.is_file() or path.read_text(encoding="utf-8") != text]
     if check:
@@ -47,7 +40,7 @@ def command(
         raise typer.Exit(EXIT_DIFFERENT if different else 0)
     for path in different:
         path.write_text(texts[path], encoding="utf-8")
-        typer.echo(f"wrote {path}")
+        wrote(path)
     if not different:
         typer.echo("docs/reference/ is as the code says")
     if not pages_only:
@@ -56,12 +49,9 @@ def command(
 
 def _build(source: Path, site: Path) -> None:
     """The site, strictly: a warning is an error."""
-    missing = [name.replace("_", "-") for name in PACKAGES if importlib.util.find_spec(name) is None]
-    if missing:
-        typer.echo(f"error: the site needs {', '.join(missing)}: pip install {' '.join(missing)}", err=True)
-        raise typer.Exit(1)
+    announce("building the site, half a minute")
     words = ["-W", "-n", "--keep-going", "-q", "-b", "html", "-d", str(site.parent / f".{site.name}_trees"), str(source), str(site)]
     done = subprocess.run([sys.executable, "-m", "sphinx", *words], check=False)
     if done.returncode != 0:
         raise typer.Exit(1)
-    typer.echo(f"wrote {site / 'index.html'}")
+    wrote(site / "index.html")

@@ -12,18 +12,19 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import DomainOption, JsonOption, OutputOption, PageOption, output_folder, results_page
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, output_folder, results_page, say, wrote
 
 ROWS = range(1, 25)
 PAGE = "failures.md"
 
 
 def command(
-    only: Annotated[str, typer.Option("--only", help="Only these rows, such as 3,14.", show_default=False)] = "",
-    output: OutputOption = None,
-    page: PageOption = False,
-    as_json: JsonOption = False,
-    domain: DomainOption = None,
+    only: Annotated[str, typer.Option("--only", help="Only these rows, such as 3,14.")] = "",
+    output: options.Output = None,
+    page: options.Page = False,
+    as_json: options.Json = False,
+    domain: options.Domain = None,
 ) -> None:
     """Make each failure happen to the real nodes with a virtual prototype, and look what comes of it (three to five minutes).
 
@@ -39,13 +40,13 @@ def command(
         raise typer.BadParameter("the failures are tests, in the repository: run ./sixstrut faults there")
     sys.path.insert(0, str(root))
     numbers = _numbers(only)
+    announce(f"{len(numbers)} failures, some seconds each; Ctrl-C ends at any time, then nothing is written")
     if page and numbers != set(ROWS):
         raise typer.BadParameter("a page needs all rows: leave --only out")
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes have to be ended
 
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
-    from rich.table import Table
 
     from sim_core.rolling.warm_up import Stage
     from tensegrity_lab.terminal.compile_notice import compile_first
@@ -82,19 +83,19 @@ def command(
         ]
         typer.echo(json.dumps(rows))
     else:
-        table = Table("#", "failure", "what the operator sees", "measured", show_lines=True)
         for outcome in outcomes:
-            told = "\n".join(map(without_folders, outcome.evidence.told)) if not outcome.problem else f"FAILED: {outcome.problem}"
             boards = [f"{board}: {', '.join(f'{k} {v}' for k, v in row.items())}" for board, row in outcome.evidence.rows.items()]
             measured = [f"{key}: {value:g}" for key, value in outcome.evidence.figures.items()]
-            table.add_row(str(outcome.scenario.number), outcome.scenario.failure, told, "\n".join([*measured, *boards]))
-        Console().print(table, markup=False)
+            seen = [f"FAILED: {outcome.problem}"] if outcome.problem else map(without_folders, outcome.evidence.told)
+            say(f"{outcome.scenario.number:3}  {outcome.scenario.failure}")
+            for line in (*(f"operator sees: {told}" for told in seen), *measured, *boards):
+                say(f"     {line}")
     if failed:
         raise typer.Exit(1)
     if numbers == set(ROWS):
         path = results_page(PAGE) if page else output_folder("faults", output) / PAGE
         path.write_text(as_markdown(outcomes), encoding="utf-8")
-        typer.echo(f"wrote {path}", err=True)
+        wrote(path, err=True)
 
 
 def _numbers(only: str) -> set[int]:

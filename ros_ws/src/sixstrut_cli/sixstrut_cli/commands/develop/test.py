@@ -16,6 +16,7 @@ from typing import Annotated
 import typer
 
 from hardware_bridge.driver.child_process import bound
+from sixstrut_cli.outputs import repository
 from tensegrity_lab.stack.ros_domain import private_domain
 
 CONTEXT_SETTINGS = {"allow_extra_args": True, "ignore_unknown_options": True}
@@ -47,7 +48,7 @@ def command(
     With --soak, run the long ones: a million byte sequences through every decoder, 200 killed recorders, 200 stops under load, an
     hour of robot time with faults at random. They need a machine that is not busy.
     """
-    root = _root()
+    root = repository("tests/sixstrut_cli").parents[1]
     signal.signal(signal.SIGTERM, _on_sigterm)
     chosen = [*(_SOAK if soak else []), *context.args]
     kind = "slow" if slow else "not soak" if everything else "not slow and not soak"
@@ -72,13 +73,6 @@ def _tests(kind: str) -> dict[str, list[str]]:
         "tests": ["-m", "pytest", "-m", f"({kind}) and not ros", *_WORKERS, "--durations=10"],
         "tests with ROS": ["-m", "pytest", "-m", f"({kind}) and ros", "-q", "--durations=10"],
     }
-
-
-def _root() -> Path:
-    root = os.environ.get("SIXSTRUT_ROOT")
-    if root is None or not (Path(root) / "tests").is_dir():
-        raise typer.BadParameter("the tests are in the repository: run ./sixstrut test there")
-    return Path(root)
 
 
 def _run(name: str, arguments: list[str], root: Path, environ: dict[str, str], locks: tuple[int, ...]) -> tuple[int, float]:

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import PrototypeOption, in_folder
-from sixstrut_cli.outputs import output_of
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, in_folder, output_of, say, wrote
 
 
 def command(
@@ -18,15 +18,13 @@ def command(
         Path, typer.Option("--output", "-o", help="Prototype YAML to write.", callback=output_of("prototype"))
     ] = Path("prototype.yaml"),
     frequency: Annotated[
-        float | None,
-        typer.Option(help="First natural frequency at rest on TC6, in Hz; default: first_frequency_hz.", show_default=False),
+        float | None, typer.Option(help="First natural frequency at rest on TC6, in Hz; default: first_frequency_hz.")
     ] = None,
     measured: Annotated[
-        list[str] | None,
-        typer.Option("--measured", metavar="NAME=VALUE", help="A quantity you measured; may be given often.", show_default=False),
+        list[str] | None, typer.Option("--measured", metavar="NAME=VALUE", help="A quantity you measured; may be given often.")
     ] = None,
     keep_ropes: Annotated[bool, typer.Option(help="Only put in what was measured; leave the ropes as they are.")] = False,
-    prototype: PrototypeOption = None,
+    prototype: options.Prototype = None,
 ) -> None:
     """Scale the stiffness of all ropes until the lowest natural frequency is the measured one; write a prototype YAML.
 
@@ -37,6 +35,7 @@ def command(
     sixstrut calibrate-model --frequency 4.8 --measured joint_mass_kg=0.0091 -o my_prototype.yaml
     sixstrut calibrate-model --measured tendon_stiffness_n_m=395 --keep-ropes -o my_prototype.yaml
     """
+    announce("scaling the ropes until the first frequency fits, some seconds; Ctrl-C leaves at any time")
     from sim_core.dynamics.model import build_model
     from sim_core.dynamics.vibration_modes import calibrated, first_frequency_hz, vibrated_frequency_hz
     from sim_core.rolling.warm_up import Stage
@@ -56,7 +55,7 @@ def command(
         robot = replace(robot, first_frequency_hz=frequency)
     before = build_model(robot)
     compile_first(Stage.ROBOT)
-    typer.echo(f"before: {robot.tendon_stiffness_n_m:.2f} N/m per rope, first frequency {first_frequency_hz(before):.4f} Hz")
+    say(f"before: {robot.tendon_stiffness_n_m:.2f} N/m per rope, first frequency {first_frequency_hz(before):.4f} Hz")
     if not keep_ropes:
         robot = calibrated(robot, wanted)
         why = f"calibrated: first frequency {wanted:g} Hz at rest on TC6, feet sticking"
@@ -65,11 +64,12 @@ def command(
             robot = with_value(robot, name, value)
             changes[name] = (value, "calibrated", why)
     after = build_model(robot)
-    typer.echo(f"after:  {robot.tendon_stiffness_n_m:.2f} N/m per rope, first frequency {first_frequency_hz(after):.4f} Hz")
-    typer.echo(f"        spectrum of a simulated free vibration: {vibrated_frequency_hz(after):.4f} Hz")
+    say(f"after:  {robot.tendon_stiffness_n_m:.2f} N/m per rope, first frequency {first_frequency_hz(after):.4f} Hz")
+    say(f"        spectrum of a simulated free vibration: {vibrated_frequency_hz(after):.4f} Hz")
     in_folder(output).write_text(rewritten(text, changes), encoding="utf-8")
     load_prototype(output)
-    typer.echo(f"wrote {output} (model {after.hash})")
+    wrote(output)
+    say(f"model {after.hash}")
 
 
 def _quantity(text: str) -> tuple[str, float]:

@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, announce, in_folder
-from sixstrut_cli.outputs import output_of
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, console, in_folder, output_of, say, wrote
 
 
 def command(
@@ -20,7 +20,7 @@ def command(
     output: Annotated[
         Path | None, typer.Option("--output", "-o", help="YAML file to write as well.", callback=output_of("climb limits"))
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Print the steepest ground that each primitive climbs: the nominal robot, straight uphill, from rest to rest.
 
@@ -31,8 +31,6 @@ def command(
     sixstrut climb my_library.yaml --json
     """
     announce(f"library {library}: every primitive uphill, some seconds each; Ctrl-C leaves at any time")
-    from rich.console import Console
-
     from sim_core.dynamics.actuators import require_actuators
     from sim_core.gaits.climb_limits import climbs_text
     from sim_core.gaits.library import load_library
@@ -43,22 +41,21 @@ def command(
 
     shelf, parameters = load_library(library), require_actuators(actuators)
     compile_first(Stage.ROBOT)
-    console = Console(stderr=True, highlight=False)
-    with leaves_at_once("nothing was written"), console.status("climbing") as status:
+    with leaves_at_once("nothing was written"), console().status("climbing") as status:
         found = climbs_of(shelf, parameters, actuators, lambda name: status.update(f"climbing: {name} of {len(shelf.primitives)}"))
     if output is not None:
         in_folder(output).write_text(climbs_text(found), encoding="utf-8")
-        console.print(f"wrote {output}")
+        wrote(output, err=True)
     if as_json:
         typer.echo(json.dumps({"library": shelf.name, "how": found.how, "steepest_deg": dict(found.steepest_deg)}))
         return
-    typer.echo(f"library {shelf.name}: {found.how}; virtual")
+    say(f"library {shelf.name}: {found.how}; virtual")
     for primitive in shelf.primitives:
         deg = found.steepest_deg[primitive.name]
         source, target = primitive.roll_class
-        typer.echo(f"  {primitive.name:<4} {source}→{target}  " + (f"{deg:5.2f}°" if deg else "does not roll on level ground"))
+        say(f"  {primitive.name:<4} {source}→{target}  " + (f"{deg:5.2f}°" if deg else "does not roll on level ground"))
     for roll_class in dict.fromkeys(primitive.roll_class for primitive in shelf.primitives):
         climbed = [found.steepest_deg[one.name] for one in shelf.primitives if one.roll_class == roll_class]
         still = sum(deg == 0.0 for deg in climbed)
         words = f"{len(climbed)} primitives, {still} of them do not roll on level ground"
-        typer.echo(f"{roll_class.name}: {words}; median {median(climbed):.2f}°, best {max(climbed):.2f}°")
+        say(f"{roll_class.name}: {words}; median {median(climbed):.2f}°, best {max(climbed):.2f}°")

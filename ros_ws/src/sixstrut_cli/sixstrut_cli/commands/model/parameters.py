@@ -6,9 +6,8 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from dataclasses import asdict
-from enum import StrEnum
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import typer
 
@@ -17,29 +16,18 @@ from sim_core.structure.elements import elements_of
 from sim_core.structure.parameters import Entry, Prototype, load_entries, load_prototype
 from sim_core.studies.sensitivity import EACH, Influence, influences, stored_influences, stored_path, text_of
 from sim_core.twin.model_versions import label_of
-from sixstrut_cli.options import PrototypeOption, in_folder
-
-
-class Export(StrEnum):
-    """What `--export` writes."""
-
-    json = "json"
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, in_folder, wrote
 
 
 def command(
-    prototype: PrototypeOption = None,
+    prototype: options.Prototype = None,
     export: Annotated[
-        Export | None,
-        typer.Option("--export", help="Everything that another solver needs, member by member, as JSON.", show_default=False),
+        Literal["json"] | None, typer.Option("--export", help="Everything that another solver needs, member by member, as JSON.")
     ] = None,
-    sensitivity: Annotated[
-        bool,
-        typer.Option("--sensitivity", help="Compute what each number influences (some minutes)."),
-    ] = False,
+    sensitivity: Annotated[bool, typer.Option("--sensitivity", help="Compute what each number influences (some minutes).")] = False,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the export here.", show_default="stdout")] = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the robot with its parts named, as PNG.", show_default=False)
-    ] = None,
+    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the robot with its parts named, as PNG.")] = None,
 ) -> None:
     """Print the table of the robot's numbers: value, unit, source, what it influences, meaning.
 
@@ -54,12 +42,12 @@ def command(
         from tensegrity_lab.reports.words_picture import words_picture
 
         words_picture(in_folder(picture), load_prototype(prototype))
-        typer.echo(f"wrote {picture}")
+        wrote(picture)
         return
     entries = load_entries(prototype)
     robot = Prototype(**{entry.name: entry.value for entry in entries})
     elements = elements_of(robot)
-    if export is Export.json:
+    if export == "json":
         document = {
             "schema": 1,
             "units": "SI; numbering and axes as in the docstring of sim_core.structure.elements.Elements",
@@ -74,7 +62,7 @@ def command(
             typer.echo(text)
         else:
             in_folder(output).write_text(text + "\n", encoding="utf-8")
-            typer.echo(f"wrote {output}")
+            wrote(output)
         return
     if output is not None:
         raise typer.BadParameter("--output needs --export")
@@ -86,12 +74,12 @@ def command(
 
 def _computed(robot: Prototype, keep: bool) -> dict[str, Influence]:
     """Compute the influences, with a progress bar; those of the nominal robot are kept beside its parameters."""
-    from rich.progress import Progress
+    from tensegrity_lab.terminal.progress import bars
 
+    announce("rolling policies with each number 10 % off, some minutes; Ctrl-C leaves at any time")
     library = load_library("robust")
-    with Progress(transient=True) as bar:
-        task = bar.add_task("varying one number at a time", total=None)
-        found = influences(robot, library, report=lambda done, total: bar.update(task, completed=done, total=total))
+    with bars("rolls", "nothing was written") as bar:
+        found = influences(robot, library, report=bar("varying one number at a time"))
     if keep:
         stored_path().write_text(text_of(robot, library, EACH, found), encoding="utf-8")
     return found

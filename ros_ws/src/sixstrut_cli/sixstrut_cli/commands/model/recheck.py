@@ -6,25 +6,26 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption, announce
-from tensegrity_lab.bags.rolls import Outcome, outcomes_of
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, say
+
+if TYPE_CHECKING:
+    from tensegrity_lab.bags.rolls import Outcome
 
 
 def command(
     gaits: Annotated[Path, typer.Argument(help="YAML of gaits: [{name, from, to, policy_mm}], or a primitive library.")],
-    bag: Annotated[
-        list[Path] | None, typer.Option("--bag", help="Experiments: bags of the robot; may be given often.", show_default=False)
-    ] = None,
+    bag: Annotated[list[Path] | None, typer.Option("--bag", help="Experiments: bags of the robot; may be given often.")] = None,
     perturbation: Annotated[float, typer.Option(help="Without bags: scale of the virtual prototypes, 0.05 for ±5 %.")] = 0.05,
     prototypes: Annotated[int, typer.Option(min=1, help="Without bags: how many virtual prototypes try each gait.")] = 1,
     seed: Annotated[int, typer.Option(min=0, help="Of the first virtual prototype.")] = 1,
     every_gait: Annotated[bool, typer.Option("--every-gait", help="Of a library: all 24 gaits of each primitive.")] = False,
-    prototype: PrototypeOption = None,
-    as_json: JsonOption = False,
+    prototype: options.Prototype = None,
+    as_json: options.Json = False,
 ) -> None:
     """The paper's Table 4 for any list of gaits: feasible by the previous model, by the improved model, and by experiment.
 
@@ -34,7 +35,7 @@ def command(
     sixstrut recheck gaits.yaml --bag bags/monday.mcap --bag bags/tuesday.mcap
     sixstrut recheck library.yaml --every-gait --perturbation 0.1
     """
-    announce(f"rolling the gaits of {gaits} by both models; Ctrl-C leaves at any time")
+    announce(f"rolling the gaits of {gaits} by both models, some seconds for a few hundred; Ctrl-C leaves at any time")
     from sim_core.dynamics.model import build_model
     from sim_core.rolling.warm_up import Stage
     from sim_core.structure.elements import PREVIOUS
@@ -42,18 +43,20 @@ def command(
     from sim_core.studies.model_agreement import compare, load_gaits, verdicts
     from sim_core.uncertainty.seeded_perturbation import perturb
     from tensegrity_lab.terminal.compile_notice import compile_first
+    from tensegrity_lab.terminal.leaving import leaves_at_once
 
     robot = load_prototype(prototype)
     listed = load_gaits(gaits, robot.policy_limit_mm, every_gait)
     improved = build_model(robot)
     compile_first(Stage.BATCH)
-    predictions = {"previous": verdicts(build_model(robot, kind=PREVIOUS), listed), "improved": verdicts(improved, listed)}
+    with leaves_at_once("this command writes nothing"):
+        predictions = {"previous": verdicts(build_model(robot, kind=PREVIOUS), listed), "improved": verdicts(improved, listed)}
+        columns = [] if bag else [verdicts(perturb(improved, perturbation, seed + k), listed) for k in range(prototypes)]
     if bag:
         tries = _tries_in_bags(bag, robot.strut_length_m)
         trials = [[o.succeeded(g.target) for o in tries if (o.source, o.policy) == (g.source, g.policy)] for g in listed]
         kind = "trials in the bags"
     else:
-        columns = [verdicts(perturb(improved, perturbation, seed + k), listed) for k in range(prototypes)]
         trials = [list(row) for row in zip(*columns, strict=True)]
         kind = (
             f"virtual trials on {prototypes} prototype(s) at ±{100 * perturbation:g} % from seed {seed}; the prototypes share the "
@@ -67,26 +70,22 @@ def command(
         for name, said in predictions.items()
         if any(trials)
     }
+    judged = list(zip(listed, predictions["previous"], predictions["improved"], trials, strict=True))
     if as_json:
-        rows = [
-            {**gait._asdict(), "previous": p, "improved": i, "trials": tried}
-            for gait, p, i, tried in zip(listed, predictions["previous"], predictions["improved"], trials, strict=True)
-        ]
+        rows = [{**gait._asdict(), "previous": p, "improved": i, "trials": tried} for gait, p, i, tried in judged]
         figures = {
             name: {**score._asdict(), "precision": score.precision, "recall": score.recall, "agreement": score.agreement}
             for name, score in scores.items()
         }
         typer.echo(json.dumps({"experiment": kind, "gaits": rows, "models": figures}))
         return
-    typer.echo(f"{'gait':<18} {'roll':<12} {'policy (mm)':<28} {'previous':<9} {'improved':<9} experiment")
-    for gait, p, i, tried in zip(listed, predictions["previous"], predictions["improved"], trials, strict=True):
+    say(f"{'gait':<18} {'roll':<12} {'policy (mm)':<28} {'previous':<9} {'improved':<9} experiment")
+    for gait, p, i, tried in judged:
         policy = " ".join(f"{v:+d}" for v in gait.policy)
-        typer.echo(
-            f"{gait.name:<18} {gait.source + '→' + gait.target:<12} {policy:<28} {_word(p):<9} {_word(i):<9} {_outcome(tried)}"
-        )
-    typer.echo(f"\nexperiment: {kind}")
+        say(f"{gait.name:<18} {gait.source + '→' + gait.target:<12} {policy:<28} {_word(p):<9} {_word(i):<9} {_outcome(tried)}")
+    say(f"\nexperiment: {kind}")
     for name, score in scores.items():
-        typer.echo(
+        say(
             f"{name + ' model':<16} precision {_percent(score.precision)}, recall {_percent(score.recall)}, "
             f"agreement {_percent(score.agreement)} ({score.true_positives + score.true_negatives} of {sum(score)})"
         )
@@ -97,6 +96,7 @@ def command(
 def _tries_in_bags(bags: Sequence[Path], mid_stroke_m: float) -> list[Outcome]:
     from hardware_bridge.recording.bag_reader import read_session
     from hardware_bridge.recording.bag_types import TOPICS
+    from tensegrity_lab.bags.rolls import outcomes_of
 
     return [outcome for path in bags for outcome in outcomes_of(read_session(path, topics=TOPICS), mid_stroke_m)]
 

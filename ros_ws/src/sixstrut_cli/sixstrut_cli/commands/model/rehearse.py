@@ -4,33 +4,26 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from time import perf_counter
 from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, LibraryOption, PrototypeOption
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, say
 
 
 def command(
     source: Annotated[str, typer.Option("--from", help="Face the robot rests on: TC1..TC8, TO1..TO12.")] = "TC6",
-    target: Annotated[
-        str | None, typer.Option("--to", help="Adjacent face; default: the best gait to each neighbour.", show_default=False)
-    ] = None,
-    primitive: Annotated[
-        str | None, typer.Option(help="A primitive of the library; default: the most reliable.", show_default=False)
-    ] = None,
+    target: Annotated[str | None, typer.Option("--to", help="Adjacent face; default: the best gait to each neighbour.")] = None,
+    primitive: Annotated[str | None, typer.Option(help="A primitive of the library; default: the most reliable.")] = None,
     members: Annotated[int, typer.Option(min=1, help="Perturbed robots in the ensemble.")] = 24,
     scale: Annotated[float, typer.Option(help="Their perturbation, 0.1 for ±10 %.")] = 0.1,
     incline: Annotated[float, typer.Option(help="Incline of the ground in degrees, downhill all round.")] = 0.0,
-    ensemble: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Robots fitted to trials, from `sixstrut fit --ensemble`, instead.", show_default=False),
-    ] = None,
-    library: LibraryOption = "robust",
-    prototype: PrototypeOption = None,
-    as_json: JsonOption = False,
+    ensemble: options.Ensemble = None,
+    library: options.Library = "robust",
+    prototype: options.Prototype = None,
+    as_json: options.Json = False,
 ) -> None:
     """Roll an ensemble of perturbed robots and tell how often it worked and where it may end.
 
@@ -38,6 +31,7 @@ def command(
     sixstrut rehearse --from TO5 --to TC6 --primitive P21 --scale 0.2 --incline 3
     sixstrut rehearse --from TC6 --ensemble my_ensemble.yaml
     """
+    announce(f"rolling {members} robots, some seconds")
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import gait_of, load_library
     from sim_core.gaits.success_probability import load_odds
@@ -76,8 +70,8 @@ def command(
     for r in rehearsed:
         ends = ", ".join(f"{face} {count}" for face, count in r.outcomes.items())
         mirror = "" if r.gait.proper else " (mirror)"
-        typer.echo(f"{r.gait.name}{mirror}: {counted(r.rate.successes, r.rate.trials)}; ends on {ends}")
+        say(f"{r.gait.name}{mirror}: {counted(r.rate.successes, r.rate.trials)}; ends on {ends}")
         for reason, count in list(r.reasons.items())[:3]:
-            typer.echo(f"    {count}: {reason}")
-    typer.echo(f"{len(gaits)} gaits on {members} robots ({robots.law.brief}) in {seconds:.2f} s.")
+            say(f"    {count}: {reason}")
+    say(f"{len(gaits)} gaits on {members} robots ({robots.law.brief}) in {seconds:.2f} s.")
     typer.echo("Virtual: these robots share the twin's equations.")

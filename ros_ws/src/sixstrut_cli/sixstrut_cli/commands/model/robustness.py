@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption, in_folder, output_folder, results_page
-from sixstrut_cli.outputs import COUNTS, output_of, picture_path
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, in_folder, output_folder, picture_path, results_page, wrote
 
 QUICK_PROTOTYPES, QUICK_FAILURES, QUICK_PRIMITIVES = 2, 20, 3
 
@@ -32,34 +32,20 @@ def command(
         bool, typer.Option("--one-gait", help="The reference gait on 24 K prototypes instead of 24 gaits on K.")
     ] = False,
     failures: Annotated[int, typer.Option(min=0, help="Failed trials to try again, to see what kills them; 0: none.")] = 200,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler; default: this machine's cores.", show_default=False)
-    ] = None,
+    scheduler: options.Scheduler = None,
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG, like the paper's Figure 8. [default: out/robustness/LIBRARY.png; none with --json]",
-            show_default=False,
-            callback=picture_path,
+            help="PNG, like the paper's Figure 8. [default: out/robustness/LIBRARY.png; none with --json]", callback=picture_path
         ),
     ] = None,
-    tables: Annotated[
-        Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.", show_default=False)
-    ] = None,
-    odds: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Write how often every gait worked, for the planner.",
-            show_default=False,
-            callback=output_of(COUNTS),
-        ),
-    ] = None,
+    tables: Annotated[Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.")] = None,
+    odds: options.SuccessCounts = None,
     cost: Annotated[bool, typer.Option("--cost", help="Also measure and print what a million prototypes cost.")] = False,
     page: Annotated[bool, typer.Option("--page", help="With --cost: put the table into docs/results/scaling.md.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="A few primitives on two prototypes: to see that it works.")] = False,
-    prototype: PrototypeOption = None,
-    as_json: JsonOption = False,
+    prototype: options.Prototype = None,
+    as_json: options.Json = False,
 ) -> None:
     """Roll all 24 gaits of every primitive on perturbed, held-out prototypes.
 
@@ -73,7 +59,7 @@ def command(
     if page and not cost:
         raise typer.BadParameter("the page holds what a study costs: give --cost as well", param_hint="--page")
     cost_page = results_page("scaling.md") if page else None
-
+    announce(f"rolling the gaits of {library} on perturbed prototypes; how long it takes is measured first")
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import load_library
     from sim_core.gaits.success_probability import odds_text
@@ -126,6 +112,4 @@ def command(
     typer.echo(text_of(shelf, found, blame, wall_s))
     if figures is not None:
         typer.echo("\n" + table_of(figures))
-    for path in (picture, tables, odds, cost_page if figures else None):
-        if path is not None:
-            typer.echo(f"wrote {path}")
+    wrote(picture, tables, odds, cost_page)

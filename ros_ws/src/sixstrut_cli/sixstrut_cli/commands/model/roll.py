@@ -4,35 +4,32 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
+import math
 from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, LibraryOption, PrototypeOption, in_folder
-from sixstrut_cli.outputs import picture_path
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, in_folder, say, wrote
+
+TOLD = ["source", "target", "feasible", "reason", "faces", "peak_force_n", "clearance_m", "margin_m", "duration_s", "travel_m"]
+"""Of a roll, with --json."""
 
 
 def command(
     source: Annotated[str, typer.Option("--from", help="Face the robot rests on: TC1..TC8, TO1..TO12.")] = "TC6",
     target: Annotated[str, typer.Option("--to", help="Adjacent face to roll onto.")] = "TO5",
     policy: Annotated[
-        str | None,
-        typer.Option("--policy", help='Six strokes in whole mm, S1..S6, + lengthens: "-31 36 17 37 -34 -43".', show_default=False),
+        str | None, typer.Option("--policy", help='Six strokes in whole mm, S1..S6, + lengthens: "-31 36 17 37 -34 -43".')
     ] = None,
-    primitive: Annotated[
-        str | None,
-        typer.Option("--primitive", help="A primitive of the library; default: its best.", show_default=False),
-    ] = None,
-    library: LibraryOption = "robust",
+    primitive: Annotated[str | None, typer.Option("--primitive", help="A primitive of the library; default: its best.")] = None,
+    library: options.Library = "robust",
     kind: Annotated[str, typer.Option("--model", help="improved, or previous: the paper's two models.")] = "improved",
     perturbation: Annotated[float, typer.Option(help="Scale of a perturbed prototype, 0.05 for ±5 %.")] = 0.0,
     seed: Annotated[int, typer.Option(help="Which perturbed prototype.")] = 1,
-    picture: Annotated[
-        Path | None, typer.Option(help="Write a PNG of the roll here.", show_default=False, callback=picture_path)
-    ] = None,
-    prototype: PrototypeOption = None,
-    as_json: JsonOption = False,
+    picture: options.Picture = None,
+    prototype: options.Prototype = None,
+    as_json: options.Json = False,
 ) -> None:
     """Simulate a roll from one face to an adjacent one and judge it. Exit code 0: feasible, 4: not feasible.
 
@@ -41,6 +38,7 @@ def command(
     sixstrut roll --from TO5 --to TC6 --primitive P9 --model previous
     sixstrut roll --policy "-31 36 17 37 -34 -43" --picture roll.png
     """
+    announce(f"simulating a roll from {source} to {target}, a second or two")
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import gait_of, load_library
     from sim_core.rolling.roll import Sample, roll
@@ -66,42 +64,21 @@ def command(
 
         roll_picture(result, trace, in_folder(picture), name)
     if as_json:
-        typer.echo(
-            json.dumps(
-                {
-                    "gait": name,
-                    "source": source,
-                    "target": target,
-                    "policy_mm": list(result.policy),
-                    "feasible": result.feasible,
-                    "reason": result.reason,
-                    "faces": list(result.faces),
-                    "peak_force_n": result.peak_force_n,
-                    "clearance_m": result.clearance_m,
-                    "margin_m": result.margin_m,
-                    "duration_s": result.duration_s,
-                    "travel_m": list(result.travel_m),
-                    "model_hash": model.hash,
-                }
-            )
-        )
+        told = {key: getattr(result, key) for key in TOLD}
+        typer.echo(json.dumps({"gait": name, "policy_mm": result.policy, **told, "model_hash": model.hash}))
     else:
         verdict = "feasible" if result.feasible else f"not feasible: {result.reason}"
-        typer.echo(f"{name}: policy {' '.join(f'{v:+d}' for v in result.policy)} mm")
-        typer.echo(f"  {verdict}")
-        typer.echo(f"  faces {' → '.join(result.faces)}, {result.duration_s:.1f} s, moved {_distance(result.travel_m):.0f} mm")
-        typer.echo(
+        say(f"{name}: policy {' '.join(f'{v:+d}' for v in result.policy)} mm")
+        say(f"  {verdict}")
+        moved_mm = 1e3 * math.hypot(*result.travel_m)
+        say(f"  faces {' → '.join(result.faces)}, {result.duration_s:.1f} s, moved {moved_mm:.0f} mm")
+        say(
             f"  strut force up to {result.peak_force_n:.1f} N, clearance down to {1e3 * result.clearance_m:.1f} mm, "
             f"centre of mass {1e3 * result.margin_m:.1f} mm inside the base"
         )
-        if picture is not None:
-            typer.echo(f"  picture: {picture}")
+        wrote(picture)
     if not result.feasible:
         raise typer.Exit(4)
-
-
-def _distance(travel_m: tuple[float, float]) -> float:
-    return 1e3 * (travel_m[0] ** 2 + travel_m[1] ** 2) ** 0.5
 
 
 def _strokes(text: str) -> list[float]:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, LibraryOption, place_of
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, say
 
 if TYPE_CHECKING:
     from sim_core.gaits.success_probability import Odds
@@ -19,13 +20,13 @@ if TYPE_CHECKING:
 def command(
     source: Annotated[str, typer.Argument(metavar="FROM", help="Face the robot stands on.")],
     target: Annotated[list[str], typer.Argument(metavar="TO", help="Face to reach, or a place on the floor in m: 1.0,-0.3")],
-    library: LibraryOption = "robust",
+    library: options.Library = "robust",
     odds: Annotated[
         Path | None,
         typer.Option(help="How often each gait worked, from `sixstrut robustness --odds`.", show_default="the shipped ones"),
     ] = None,
     reach: Annotated[float, typer.Option(min=0.01, help="How near to a place is near enough, in m.")] = 0.08,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Print the sequence of rolls that is the most likely to work, with the most reliable gait of each.
 
@@ -35,6 +36,7 @@ def command(
     sixstrut route TC6 -1.0,0.3
     sixstrut route TO5 TO12 --library my_library.yaml --odds my_odds.yaml --json
     """
+    announce(f"from {source} to {' '.join(target)}, a second or two")
     from sim_core.gaits.library import load_library
     from sim_core.gaits.success_probability import load_odds
     from sim_core.planning.face_graph import FaceGraph
@@ -51,27 +53,28 @@ def command(
         from sim_core.structure.topology import require_face
         from tensegrity_lab.terminal.compile_notice import compile_first
 
-        goal_m, start = place_of(target), Stance(require_face(source), 0.0, 0.0, 0.0)
+        goal_m, start = options.place_of(target), Stance(require_face(source), 0.0, 0.0, 0.0)
         compile_first(Stage.ROBOT)
         way = Floor(build_model(load_prototype())).way(start, goal_m, graph, reach)
-        faces, odds_of_all, choices = tuple(stance.face for stance in way.stances), way.odds, way.choices
+        faces, probability, choices = tuple(stance.face for stance in way.stances), way.odds, way.choices
         places = [(stance.x_m, stance.y_m) for stance in way.stances[1:]]
         end = f"; ends {100 * way.left_m:.0f} cm from the place" + ("" if way.reaches else ": no nearer way was found")
     else:
         route = graph.route(source, target[0])
-        faces, odds_of_all, choices, places, end = route.faces, route.odds, route.choices, [], ""
+        faces, probability, choices, places, end = route.faces, route.odds, route.choices, [], ""
     if as_json:
         rolls = [
             {
-                "from": c.gait.source,
-                "to": c.gait.target,
-                "primitive": c.gait.primitive.name,
-                "policy_mm": c.gait.policy,
-                "odds": c.odds,
+                "from": gait.source,
+                "to": gait.target,
+                "primitive": gait.primitive.name,
+                "policy_mm": gait.policy,
+                "odds": choice.odds,
             }
-            for c in choices
+            for choice in choices
+            for gait in [choice.gait]
         ]
-        document = {"faces": faces, "odds": odds_of_all, "rolls": rolls} | ({"places_m": places} if places else {})
+        document = {"faces": faces, "odds": probability, "rolls": rolls} | ({"places_m": places} if places else {})
         typer.echo(json.dumps(document))
         return
     for number, choice in enumerate(choices):
@@ -80,9 +83,9 @@ def command(
         mirror = "" if gait.proper else " (mirror)"
         tries = known.tries(gait) if known else None
         likely = counted(*tries) if tries else f"probability {100 * choice.odds:.0f} %"
-        typer.echo(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm; {likely}{where}")
-    typer.echo(f"{' → '.join(faces)}: {len(choices)} rolls, all of them work with a probability of {100 * odds_of_all:.0f} %{end}")
-    typer.echo(f"known from: {_basis(known)}")
+        say(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm; {likely}{where}")
+    say(f"{' → '.join(faces)}: {len(choices)} rolls, all of them work with a probability of {100 * probability:.0f} %{end}")
+    say(f"known from: {_basis(known)}")
 
 
 def _basis(known: Odds | None) -> str:

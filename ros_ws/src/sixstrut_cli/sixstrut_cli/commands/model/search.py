@@ -6,56 +6,36 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from dataclasses import replace
-from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from sixstrut_cli.options import JsonOption, PrototypeOption, output_folder
-from sixstrut_cli.outputs import picture_path, require_output
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, output_folder, picture_path, require_output, say, wrote
 
 if TYPE_CHECKING:
     from sim_core.search.genetic_search import Search
-    from sim_core.structure.parameters import Prototype
-    from sim_core.uncertainty.ensemble import Posterior
-
-
-class Name(StrEnum):
-    """Plans; see `sim_core.search.library_recipes`."""
-
-    improved = "improved"
-    previous = "previous"
-    robust = "robust"
 
 
 def command(
-    plan_name: Annotated[Name, typer.Argument(metavar="PLAN", help="improved, previous or robust.")] = Name.improved,
-    output: Annotated[
-        Path | None, typer.Option("--output", "-o", help="Library YAML. [default: out/search/PLAN.yaml]", show_default=False)
-    ] = None,
+    plan_name: Annotated[
+        Literal["improved", "previous", "robust"], typer.Argument(metavar="PLAN", help="improved, previous or robust.")
+    ] = "improved",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Library YAML. [default: out/search/PLAN.yaml]")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and options, same library.")] = 1,
     keep: Annotated[int, typer.Option(min=1, help="Primitives per class.")] = 20,
-    roll_class: Annotated[
-        str | None, typer.Option("--class", help="TC6-TO5 or TO5-TC6; default: both.", show_default=False)
-    ] = None,
+    roll_class: Annotated[str | None, typer.Option("--class", help="TC6-TO5 or TO5-TC6; default: both.")] = None,
     active: Annotated[int, typer.Option(min=1, max=6, help="Struts that a policy may move.")] = 6,
     apart: Annotated[int | None, typer.Option(min=1, help="Two primitives differ by so many mm in some strut.")] = None,
     generations: Annotated[int | None, typer.Option(min=1, help="At most so many.", show_default="the plan's")] = None,
     evaluations: Annotated[int | None, typer.Option(min=1, help="At most so many rolls of the nominal robot.")] = None,
-    ensemble: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Of robust: train on robots fitted to trials (`sixstrut fit`).", show_default=False),
-    ] = None,
+    ensemble: options.Ensemble = None,
     fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, even if a stopped search could go on.")] = False,
-    scheduler: Annotated[
-        str | None, typer.Option(metavar="ADDRESS", help="A Dask scheduler; default: this machine's cores.", show_default=False)
-    ] = None,
-    picture: Annotated[
-        Path | None, typer.Option(help="PNG; default: beside the library.", show_default=False, callback=picture_path)
-    ] = None,
-    prototype: PrototypeOption = None,
-    as_json: JsonOption = False,
+    scheduler: options.Scheduler = None,
+    picture: Annotated[Path | None, typer.Option(help="PNG; default: beside the library.", callback=picture_path)] = None,
+    prototype: options.Prototype = None,
+    as_json: options.Json = False,
 ) -> None:
     """Find primitives of both classes with a genetic algorithm; the shipped libraries are made by their plans' names.
 
@@ -68,31 +48,32 @@ def command(
     sixstrut search robust --ensemble my_ensemble.yaml -o my_library.yaml
     sixstrut search --active 3 --class TO5-TC6 --keep 5 -o three_struts.yaml
     """
+    announce(f"searching a library by the plan {plan_name}: minutes, robust longer; Ctrl-C leaves, the same command goes on")
+    from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import library_text
     from sim_core.rolling.warm_up import Stage
     from sim_core.search.genetic_search import Search
     from sim_core.search.library_recipes import PLANS, fitted_to
     from sim_core.structure.parameters import load_prototype
     from sim_core.studies.dask_runner import runner_of
+    from sim_core.uncertainty.ensemble import load_posterior
     from tensegrity_lab.reports.library_plot import library_picture
     from tensegrity_lab.terminal.compile_notice import compile_first
     from tensegrity_lab.terminal.leaving import leaves_at_once
 
-    path = output or output_folder("search") / f"{plan_name.value}.yaml"
+    path = output or output_folder("search") / f"{plan_name}.yaml"
     require_output(path, "primitive library")
-    changes: dict[str, Any] = {"seed": seed, "keep": keep, "active": active}
-    changes |= {"apart_mm": apart} if apart else {}
-    changes |= {"generations": generations} if generations else {}
-    changes |= {"evaluations": evaluations} if evaluations else {}
-    changes |= {"classes": (roll_class,)} if roll_class else {}
-    if output is not None:
-        changes["name"] = path.stem
+    changes: dict[str, Any] = {"seed": seed, "keep": keep, "active": active, "apart_mm": apart, "generations": generations}
+    changes |= {"evaluations": evaluations, "classes": roll_class and (roll_class,), "name": output and path.stem}
+    changes = {name: value for name, value in changes.items() if value is not None}
     robot = load_prototype(prototype)
-    plan = PLANS[plan_name.value]
+    plan = PLANS[plan_name]
     if ensemble is not None:
-        if plan_name is not Name.robust:
+        if plan_name != "robust":
             raise typer.BadParameter("only the plan robust trains on robots", param_hint="--ensemble")
-        plan = fitted_to(_posterior_of(ensemble, robot))
+        posterior = load_posterior(ensemble)
+        posterior.require(build_model(robot))
+        plan = fitted_to(posterior)
     plan = replace(plan, **changes)
     path.parent.mkdir(parents=True, exist_ok=True)
     if scheduler is None:
@@ -101,8 +82,7 @@ def command(
     state = None if fresh else _read(stopped)
     with runner_of(scheduler) as runner:
         search = Search(robot, plan, runner, state)
-        most = f"{plan.generations} generations at most"
-        typer.echo(f"searching {plan.keep} primitives of each class, {most}; Ctrl-C leaves, the same command goes on", err=True)
+        say(f"searching {plan.keep} primitives of each class, {plan.generations} generations at most", err=True)
         if state is not None:
             typer.echo(f"going on after generation {search.generation} of {stopped} (--fresh begins anew)", err=True)
         with leaves_at_once(f"every finished generation is kept in {stopped}; the same command goes on from there"):
@@ -124,20 +104,11 @@ def command(
         count = sum(p.roll_class.name == name for p in library.primitives)
         if count < plan.keep:
             typer.echo(f"only {count} of {plan.keep} primitives {name} in {done.rolled} rolls", err=True)
-    typer.echo(
-        f"wrote {path} (library {library.hash}, model {library.model_hash}) and {drawn}: {done.rolled} rolls of the nominal robot, "
+    wrote(path, drawn)
+    say(
+        f"library {library.hash}, model {library.model_hash}: {done.rolled} rolls of the nominal robot, "
         f"{done.trained} trials on training prototypes"
     )
-
-
-def _posterior_of(path: Path, prototype: Prototype) -> Posterior:
-    """A fitted ensemble of this robot. Raises EnsembleError."""
-    from sim_core.dynamics.model import build_model
-    from sim_core.uncertainty.ensemble import load_posterior
-
-    posterior = load_posterior(path)
-    posterior.require(build_model(prototype))
-    return posterior
 
 
 def _read(path: Path) -> Mapping[str, Any] | None:

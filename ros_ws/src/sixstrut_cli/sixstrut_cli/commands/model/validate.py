@@ -10,24 +10,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, OutputOption, PageOption, PrototypeOption, announce, output_folder, results_page
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, output_folder, results_page, say, wrote
 
 if TYPE_CHECKING:
     from sim_core.validation import Case
 
 EXIT_CASE_FAILED = 4
+TOLD = ["name", "checked", "measured", "reference", "unit", "error", "tolerance", "relative", "passed", "source", "note"]
+"""Of a case, with --json."""
 PAGE = "validation.md"
 
 
 def command(
     only: Annotated[
-        str | None,
-        typer.Option(metavar="PATTERN", help="Only cases whose name holds this, or matches it (with * and ?).", show_default=False),
+        str | None, typer.Option(metavar="PATTERN", help="Only cases whose name holds this, or matches it (with * and ?).")
     ] = None,
-    output: OutputOption = None,
-    page: PageOption = False,
-    as_json: JsonOption = False,
-    prototype: PrototypeOption = None,
+    output: options.Output = None,
+    page: options.Page = False,
+    as_json: options.Json = False,
+    prototype: options.Prototype = None,
 ) -> None:
     """Compare the solver with closed forms and independent computations (a minute or two), and write a page of the results.
 
@@ -37,14 +39,12 @@ def command(
     sixstrut validate --only restitution
     sixstrut validate --only 'elastica*' -o elastica
     """
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
+    announce("the solver against closed forms: all cases take a minute or two; Ctrl-C leaves at any time")
     from sim_core.dynamics.model import build_model
     from sim_core.structure.parameters import load_prototype
     from sim_core.validation import CASES, Setting
     from tensegrity_lab.reports.validation_page import write_page
-    from tensegrity_lab.terminal.leaving import leaves_at_once
+    from tensegrity_lab.terminal.progress import bars
 
     chosen = [name for name in CASES if only is None or only in name or fnmatch(name, only)]
     if not chosen:
@@ -56,28 +56,24 @@ def command(
     path = results_page(PAGE) if page else output_folder("validate", output) / PAGE
     setting = Setting(load_prototype(prototype))
     model = build_model(setting.prototype)
-    announce(f"{len(chosen)} cases; all of them take a minute or two; Ctrl-C leaves at any time")
     results: dict[str, Case] = {}
     seconds: dict[str, float] = {}
-    console = Console(stderr=True)
-    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed}/{task.total}"), TimeElapsedColumn())
-    progress = Progress(*columns, console=console, transient=True, disable=as_json)
-    with leaves_at_once("nothing was written"), progress as bar:
-        task = bar.add_task("", total=len(chosen))
-        for name in chosen:
-            bar.update(task, description=name)
+    with bars("cases", "nothing was written") as bar:
+        report = bar("cases")
+        for number, name in enumerate(chosen, start=1):
             began = perf_counter()
             results[name] = CASES[name](setting)
             seconds[name] = perf_counter() - began
-            bar.advance(task)
+            report(number, len(chosen))
     files = write_page(path, results, model.hash, model.steps_per_second)
     failed = [name for name, case in results.items() if not case.passed]
     if as_json:
         typer.echo(json.dumps(_document(results, seconds, model.hash), indent=1))
     else:
-        _print_table(results)
+        _print_cases(results)
         typer.echo(f"{len(results) - len(failed)} of {len(results)} cases hold, model {model.hash}, {sum(seconds.values()):.0f} s")
-        typer.echo(f"wrote {path} and {len(files) - 1} pictures")
+        wrote(path)
+        typer.echo(f"and {len(files) - 1} pictures")
     if failed:
         typer.echo(f"not within tolerance: {', '.join(failed)}", err=True)
         raise typer.Exit(EXIT_CASE_FAILED)
@@ -89,37 +85,15 @@ def _document(results: dict[str, Case], seconds: dict[str, float], model_hash: s
         "model_hash": model_hash,
         "passed": all(case.passed for case in results.values()),
         "cases": [
-            {
-                "case": name,
-                "name": case.name,
-                "checked": case.checked,
-                "measured": case.measured,
-                "reference": case.reference,
-                "unit": case.unit,
-                "error": case.error,
-                "tolerance": case.tolerance,
-                "relative": case.relative,
-                "passed": case.passed,
-                "source": case.source,
-                "note": case.note,
-                "seconds": round(seconds[name], 2),
-            }
+            {"case": name, **{key: getattr(case, key) for key in TOLD}, "seconds": round(seconds[name], 2)}
             for name, case in results.items()
         ],
     }
 
 
-def _print_table(results: dict[str, Case]) -> None:
-    from rich.box import SIMPLE
-    from rich.console import Console
-    from rich.table import Table
+def _print_cases(results: dict[str, Case]) -> None:
+    from tensegrity_lab.reports.validation_page import allowed, number, with_unit
 
-    from tensegrity_lab.reports.validation_page import allowed, number
-
-    table = Table(title="The solver against mechanics", box=SIMPLE, padding=(0, 1, 0, 0))
-    for column in ("case", "measured", "reference", "unit", "tolerance", "verdict"):
-        table.add_column(column, justify="right" if column in ("measured", "reference", "tolerance") else "left", overflow="fold")
     for name, case in results.items():
-        verdict = "holds" if case.passed else "[red]FAILS[/red]"
-        table.add_row(name, number(case.measured, 5), number(case.reference, 5), case.unit, allowed(case, unit=False), verdict)
-    Console().print(table)
+        verdict, measured = "holds" if case.passed else "FAILS", with_unit(case.measured, case.unit)
+        say(f"{verdict}  {name}: {measured}, reference {number(case.reference)} {allowed(case, unit=False)}")

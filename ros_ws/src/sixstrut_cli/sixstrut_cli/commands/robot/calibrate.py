@@ -11,22 +11,17 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import BoardOption
-from sixstrut_cli.outputs import output_of
+from sixstrut_cli import options
+from sixstrut_cli.outputs import console, output_of
 
 
 def command(
     file: Annotated[Path, typer.Argument(help="The YAML to write.", callback=output_of("calibration"))] = Path("calibration.yaml"),
-    robot: Annotated[
-        str, typer.Option(help="The robot's name, by which it is known at any port; default: asked.", show_default=False)
-    ] = "",
-    port: Annotated[
-        str,
-        typer.Option(help="Device or socket://HOST:PORT; default: the virtual prototype's link.", show_default=False),
-    ] = "",
-    board: BoardOption = "lsc",
-    baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
-    silent_board: Annotated[bool, typer.Option("--silent-board", help="This board cannot answer; move it all the same.")] = False,
+    robot: Annotated[str, typer.Option(help="The robot's name, by which it is known at any port; default: asked.")] = "",
+    port: options.Port = "",
+    board: options.Board = "lsc",
+    baud: options.Baud = 0,
+    silent_board: options.SilentBoard = False,
     virtual: Annotated[bool, typer.Option("--virtual", help="Practise on a virtual prototype of its own.")] = False,
     time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Of the virtual prototype.")] = 4.0,
 ) -> None:
@@ -39,8 +34,6 @@ def command(
     sixstrut calibrate my_calibration.yaml --port /dev/ttyUSB0 --board ssc32
     sixstrut calibrate practice.yaml --virtual --board maestro
     """
-    from rich.console import Console
-
     from hardware_bridge.boards.registry import parse_board
     from hardware_bridge.driver.jogger import Jogger
     from hardware_bridge.link.transport import SerialTransport
@@ -63,16 +56,16 @@ def command(
     require_keyboard()
     for number in (signal.SIGTERM, signal.SIGHUP):  # leave as at Ctrl-C, with nothing running behind
         signal.signal(number, lambda number, frame: sys.exit(128 + number))
-    console = Console(soft_wrap=True)
+    screen = console(err=False)
     with contextlib.ExitStack() as stack:
         behind = parse_board(board)
         practice = stack.enter_context(practice_prototype(time_scale, behind.spec)) if virtual else None
         chosen = str(practice or port or default_link())
         handshake, doubt = examine(chosen) if port else (require_prototype(Path(chosen)), "")
         if doubt:
-            console.print(f"{chosen} is taken for a real port, not for a virtual prototype's: {doubt}", highlight=False)
+            screen.print(f"{chosen} is taken for a real port, not for a virtual prototype's: {doubt}")
         agree_on_board(chosen, behind.spec, handshake)
-        name = ask_robot(file, robot, console)
+        name = ask_robot(file, robot, screen)
         before = measured_before(file)
         measured = before.hash if before is not None and before.robot == name else ""
         identity = Identity(name, measured, behind.spec)
@@ -88,10 +81,10 @@ def command(
         if handshake is not None:
             require_same_pty(chosen, handshake, transport.descriptor)
         eyes = stack.enter_context(Eyes(None if handshake is None else handshake.observer, scale))
-        walk = Walk(file, name, jogger, eyes.length_mm, console)
+        walk = Walk(file, name, jogger, eyes.length_mm, screen)
         try:
             walk.run()
         except (KeyboardInterrupt, EOFError):
-            console.print(f"\nLeft. What is done is kept; go on with the same command for {file}.", highlight=False)
+            screen.print(f"\nLeft. What is done is kept; go on with the same command for {file}.")
             raise typer.Exit(130) from None
-    console.print(f"Written: {file}. Start the bridge with calibration:={file}", highlight=False)
+    screen.print(f"Written: {file}. Start the bridge with calibration:={file}")

@@ -9,39 +9,26 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import (
-    ActuatorsOption,
-    BagsOption,
-    BoardOption,
-    DomainOption,
-    FromFaceOption,
-    InclineOption,
-    LibraryOption,
-    PerturbationOption,
-    SeedOption,
-    TimeScaleOption,
-    TokenFileOption,
-    TokenOption,
-    VirtualOption,
-)
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce
 
 
 def command(
-    virtual: VirtualOption = False,
+    virtual: options.Virtual = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port of the page; 0: any free one.")] = 8080,
     host: Annotated[str, typer.Option(help="Address to listen on.")] = "127.0.0.1",
-    token_file: TokenFileOption = None,
-    token: TokenOption = None,
-    seed: SeedOption = 1,
-    from_face: FromFaceOption = "TC6",
-    perturbation: PerturbationOption = 0.05,
-    incline: InclineOption = 0.0,
-    time_scale: TimeScaleOption = 2.0,
-    board: BoardOption = "lsc",
-    actuators: ActuatorsOption = "stand-in",
-    library: LibraryOption = "robust",
-    bags: BagsOption = Path("bags"),
-    domain: DomainOption = None,
+    token_file: options.TokenFile = None,
+    token: options.Token = None,
+    seed: options.Seed = 1,
+    from_face: options.FromFace = "TC6",
+    perturbation: options.Perturbation = 0.05,
+    incline: options.Incline = 0.0,
+    time_scale: options.TimeScale = 2.0,
+    board: options.Board = "lsc",
+    actuators: options.Actuators = "stand-in",
+    library: options.Library = "robust",
+    bags: options.Bags = Path("bags"),
+    domain: options.Domain = None,
 ) -> None:
     """Show twin, robot, rehearsals and dangers in a browser; roll, travel and judge trials by clicks; stop at any time.
 
@@ -53,6 +40,7 @@ def command(
     ROS_DOMAIN_ID=7 sixstrut console --port 8000
     sixstrut console --host 0.0.0.0        # from elsewhere too; not encrypted: use a trusted network
     """
+    announce("starting; the address to open comes in some seconds")
     from sim_core.rolling.warm_up import Stage
     from tensegrity_console.access import LOOPBACK, chosen_token, refuse_on_command_line
     from tensegrity_console.web.main import serve

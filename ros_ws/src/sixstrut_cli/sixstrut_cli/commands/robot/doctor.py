@@ -4,25 +4,21 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
-from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import BoardOption, JsonOption
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, say
 
 EXIT_MEND = 4
 
 
 def command(
-    port: Annotated[
-        str,
-        typer.Option(help="Device or socket://HOST:PORT; default: the virtual prototype's link.", show_default=False),
-    ] = "",
-    board: BoardOption = "lsc",
-    baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
-    calibration: Annotated[Path | None, typer.Option(help="The robot's calibration YAML.", show_default=False)] = None,
-    as_json: JsonOption = False,
+    port: options.Port = "",
+    board: options.Board = "lsc",
+    baud: options.Baud = 0,
+    calibration: options.Calibration = None,
+    as_json: options.Json = False,
 ) -> None:
     """Check versions, pairing, port, permissions, calibration, disk and network. Moves and changes nothing.
 
@@ -31,6 +27,7 @@ def command(
     sixstrut doctor
     sixstrut doctor --port /dev/rfcomm0 --calibration my_calibration.yaml
     """
+    announce("looking at versions, port, calibration, disk and network, some seconds")
     from hardware_bridge.boards.registry import parse_board
     from tensegrity_lab.commissioning.checks import Health, examine
 
@@ -41,7 +38,7 @@ def command(
         width = max(len(finding.what) for finding in findings)
         for finding in findings:
             mark = {Health.FINE: "ok", Health.MEND: "MEND", Health.SKIPPED: "-"}[finding.health]
-            typer.echo(f"{mark:4}  {finding.what:{width}}  {finding.told}")
+            say(f"{mark:4}  {finding.what:{width}}  {finding.told}")
             if finding.mend:
-                typer.echo(f"{'':4}  {'':{width}}  → {finding.mend}")
+                say(f"{'':4}  {'':{width}}  → {finding.mend}")
     raise typer.Exit(EXIT_MEND if any(finding.health is Health.MEND for finding in findings) else 0)

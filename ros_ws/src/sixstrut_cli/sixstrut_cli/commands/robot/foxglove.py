@@ -9,40 +9,27 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import (
-    ActuatorsOption,
-    BagsOption,
-    BoardOption,
-    DomainOption,
-    FromFaceOption,
-    InclineOption,
-    LibraryOption,
-    PerturbationOption,
-    SeedOption,
-    TimeScaleOption,
-    TokenFileOption,
-    TokenOption,
-    VirtualOption,
-)
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce
 
 
 def command(
-    virtual: VirtualOption = False,
+    virtual: options.Virtual = False,
     port: Annotated[int, typer.Option(min=0, max=65535, help="TCP port on this machine; 0: any free one.")] = 8765,
     commands: Annotated[bool, typer.Option("--commands", help="Also take goals, arm, disarm and reset; else only stop.")] = False,
     origin: Annotated[list[str] | None, typer.Option(help="A web page that may connect beside Foxglove's own; repeatable.")] = None,
-    token_file: TokenFileOption = None,
-    token: TokenOption = None,
-    seed: SeedOption = 1,
-    from_face: FromFaceOption = "TC6",
-    perturbation: PerturbationOption = 0.05,
-    incline: InclineOption = 0.0,
-    time_scale: TimeScaleOption = 2.0,
-    board: BoardOption = "lsc",
-    actuators: ActuatorsOption = "stand-in",
-    library: LibraryOption = "robust",
-    bags: BagsOption = Path("bags"),
-    domain: DomainOption = None,
+    token_file: options.TokenFile = None,
+    token: options.Token = None,
+    seed: options.Seed = 1,
+    from_face: options.FromFace = "TC6",
+    perturbation: options.Perturbation = 0.05,
+    incline: options.Incline = 0.0,
+    time_scale: options.TimeScale = 2.0,
+    board: options.Board = "lsc",
+    actuators: options.Actuators = "stand-in",
+    library: options.Library = "robust",
+    bags: options.Bags = Path("bags"),
+    domain: options.Domain = None,
 ) -> None:
     """Serve the stack to the Foxglove app where ROS's foxglove_bridge is not installed: every topic, and a stop button.
 
@@ -54,6 +41,7 @@ def command(
     sixstrut foxglove --virtual --commands
     ROS_DOMAIN_ID=7 sixstrut foxglove --port 8766 --origin http://localhost:8080
     """
+    announce("starting; the address to open comes in some seconds")
     from tensegrity_console.access import chosen_token, refuse_on_command_line
     from tensegrity_console.foxglove.foxglove_server import FoxgloveServer, layout, wait_for_end
     from tensegrity_lab.stack.virtual_stack import VirtualRobot, running

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import announce
+from sixstrut_cli.outputs import announce, console
 
 
 def command(
@@ -25,7 +25,6 @@ def command(
     sixstrut play bags/example.mcap --rate 4 --no-twin
     """
     announce(f"reading {bag}" + ("; a twin that follows is started" if twin else ""))
-    from rich.console import Console
     from rich.progress import Progress
 
     from sim_core.rolling.warm_up import Stage
@@ -35,14 +34,14 @@ def command(
     if twin:
         compile_first(Stage.ROBOT)
     where = f"ROS domain {os.environ.get('ROS_DOMAIN_ID', '0')}, topics bridge/… and twin/…"
-    with Progress(transient=True, console=Console(stderr=True)) as bar:
+    with Progress(transient=True, console=console()) as bar:
         task = bar.add_task("playing", total=None)
 
         def told(done_s: float, total_s: float) -> None:
             if bar.tasks[0].total is None:
                 speed = f"{total_s:.0f} s at {rate:g} times their speed"
-                bar.console.print(f"playing {speed} into {where}", highlight=False, soft_wrap=True)
-                bar.console.print("look with RViz, or sixstrut foxglove; Ctrl-C ends it", highlight=False, soft_wrap=True)
+                bar.console.print(f"playing {speed} into {where}")
+                bar.console.print("look with RViz, or sixstrut foxglove; Ctrl-C ends it")
             bar.update(task, completed=done_s, total=total_s)
 
         played = play(bag, rate, twin, told)

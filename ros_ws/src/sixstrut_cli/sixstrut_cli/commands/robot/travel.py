@@ -11,18 +11,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from sixstrut_cli.options import (
-    MOST_INCLINE_DEG,
-    MOST_PERTURBATION,
-    BoardOption,
-    DomainOption,
-    JsonOption,
-    LibraryOption,
-    PageOption,
-    output_folder,
-    place_of,
-    results_page,
-)
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, console, output_folder, results_page, wrote
 
 if TYPE_CHECKING:
     from tensegrity_lab.stack.virtual_stack import VirtualRobot
@@ -41,23 +31,21 @@ def command(
     reach: Annotated[float, typer.Option(min=0.02, help="How near is near enough, in m.")] = 0.08,
     most_rolls: Annotated[int, typer.Option(min=1, help="Give up after so many rolls.")] = 60,
     ignore_odds: Annotated[bool, typer.Option("--ignore-odds", help="Take all gaits for equally likely.")] = False,
-    seed: Annotated[int, typer.Option(min=0, help="Draws the virtual prototype's true parameters, and downhill.")] = 1,
-    from_face: Annotated[str, typer.Option("--from-face", help="Face to start on: TC1..TC8, TO1..TO12.")] = "TC6",
-    perturbation: Annotated[
-        float, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the prototype is off, 0.05 for ±5 %.")
-    ] = 0.05,
-    incline: Annotated[float, typer.Option(min=0.0, max=MOST_INCLINE_DEG, help="Of the ground, in degrees.")] = 0.0,
-    time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Robot seconds per second.")] = 8.0,
-    board: BoardOption = "lsc",
-    actuators: Annotated[str, typer.Option(help="The prototype's actuators: ideal, stand-in, or a YAML file.")] = "stand-in",
-    library: LibraryOption = "robust",
-    domain: DomainOption = None,
+    seed: options.Seed = 1,
+    from_face: options.FromFace = "TC6",
+    perturbation: options.Perturbation = 0.05,
+    incline: options.Incline = 0.0,
+    time_scale: options.TimeScale = 8.0,
+    board: options.Board = "lsc",
+    actuators: options.Actuators = "stand-in",
+    library: options.Library = "robust",
+    domain: options.Domain = None,
     output: Annotated[
         Path | None,
         typer.Option("--output", "-o", help="Folder for bags, pictures, and a study's trips.", show_default="bags, out/travel"),
     ] = None,
-    page: PageOption = False,
-    as_json: JsonOption = False,
+    page: options.Page = False,
+    as_json: options.Json = False,
 ) -> None:
     """Roll the virtual prototype to a place on the floor, through the whole stack: replanned after every roll from where it rests.
 
@@ -68,8 +56,6 @@ def command(
     sixstrut travel -1.0,-0.5 --incline 3 --seed 7
     sixstrut travel --study 10 -o bags/travels --page
     """
-    from tensegrity_lab.stack.virtual_stack import VirtualRobot
-
     if study and domain is not None:
         raise typer.BadParameter("a study takes a domain of its own for each trip", param_hint="--domain")
     if bool(place) == bool(study):
@@ -77,48 +63,49 @@ def command(
     if page and not study:
         raise typer.BadParameter("only a study makes a page: give --study N as well", param_hint="--page")
     bags = output or (output_folder("travel") if study else Path("bags"))
-    goal_m = place_of(place) if place else (0.0, 0.0)
+    goal_m = options.place_of(place) if place else (0.0, 0.0)
+    announce("a virtual robot rolls, some seconds each; Ctrl-C holds the struts, closes the bag and ends")
+    from tensegrity_lab.stack.virtual_stack import VirtualRobot
+
     robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
     robot.require()
     if not place:
         _study(study, robot, bags, page)
         return
-    from rich.console import Console
-
     from tensegrity_lab.studies.travel import travel
     from tensegrity_lab.studies.travel_plot import travel_picture
 
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
-    console.print(robot.words)
+    screen = console()
+    screen.print(robot.words)
     robot.compile()
-    with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links, console.status("starting") as status:
-        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds, domain, console.print)
+    with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links, screen.status("starting") as status:
+        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds, domain, screen.print)
     picture = Path(trip.bag).with_suffix(".png")
     travel_picture(trip, picture)
     if as_json:
         typer.echo(json.dumps(asdict(trip) | {"ratio": trip.ratio, "picture": str(picture)}))
     else:
-        typer.echo(f"{' → '.join(trip.faces)}")
+        typer.echo(" → ".join(trip.faces))
         typer.echo(f"{'arrived' if trip.success else 'did not arrive'}: {trip.reason}")
         ratio = f"path {trip.path_m:.2f} m for {trip.straight_m - trip.left_m:.2f} m won"
         typer.echo(f"{trip.rolls} rolls, {trip.missed} missed, {trip.robot_s:.0f} s of robot time; {ratio}")
-        for path in (trip.bag, picture):
-            typer.echo(f"wrote {Path(path).resolve()}")
+        wrote(Path(trip.bag), picture)
     if not trip.success:
         raise typer.Exit(4)
 
 
 def _study(goals: int, robot: VirtualRobot, folder: Path, page: bool) -> None:
-    from rich.console import Console
-
     from tensegrity_lab.studies.travel_study import cases_of, read_trips, study
 
     robot.compile()
     cases = cases_of(goals, robot.seed)
-    console = Console(stderr=True, highlight=False, soft_wrap=True)
+    screen = console()
     try:
-        with console.status("starting") as status:
-            study(cases, robot, folder, status.update, console.print)
+        with screen.status("starting") as status:
+            study(cases, robot, folder, status.update, screen.print)
+    except KeyboardInterrupt:
+        typer.echo(f"\ninterrupted: every finished trip is kept in {folder.resolve()}; the same command goes on", err=True)
+        raise typer.Exit(130) from None
     finally:  # a page of what there is, also if it is ended early
         known = read_trips(folder)
         found = {case: known[case.key] for case in cases if case.key in known}
@@ -142,4 +129,4 @@ def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, fold
     text = page_of(found, len(cases) - len(found), robot, command, "images/travel.png")
     target.write_text(text, encoding="utf-8")
     typer.echo(text)
-    typer.echo(f"wrote {target} and {images / 'travel.png'}")
+    wrote(target, images / "travel.png")

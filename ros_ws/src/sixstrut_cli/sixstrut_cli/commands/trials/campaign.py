@@ -10,13 +10,12 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import MOST_PERTURBATION, PageOption, results_page
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, results_page, say, wrote
 
 
 def command(
-    output: Annotated[
-        Path | None, typer.Argument(metavar="FOLDER", help="A new folder. Default: one in bags/.", show_default=False)
-    ] = None,
+    output: Annotated[Path | None, typer.Argument(metavar="FOLDER", help="A new folder. Default: one in bags/.")] = None,
     libraries: Annotated[
         str, typer.Option(help="Names or YAML files; the first is set against each other one.")
     ] = "robust,improved,previous",
@@ -24,10 +23,10 @@ def command(
     gaits: Annotated[str, typer.Option(help="all (24), proper, improper, reference, or pairs.")] = "all",
     prototypes: Annotated[int, typer.Option(min=1, help="Virtual prototypes.")] = 4,
     seed: Annotated[int, typer.Option(min=0, help="Of the first prototype; draws orders and the sample, too.")] = 1,
-    perturbation: Annotated[float, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the prototypes are off.")] = 0.1,
+    perturbation: options.Perturbation = 0.1,
     sample: Annotated[int, typer.Option(min=0, help="Trials to run through the whole stack as well.")] = 12,
-    time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Robot seconds per second, of the stack.")] = 8.0,
-    page: PageOption = False,
+    time_scale: options.TimeScale = 8.0,
+    page: options.Page = False,
 ) -> None:
     """Run libraries × 24 gaits on virtual prototypes, fast; a sample of the trials through the whole stack; write a report.
 
@@ -37,6 +36,7 @@ def command(
     sixstrut campaign
     sixstrut campaign /tmp/small --primitives 1,21 --gaits reference --prototypes 1 --sample 2
     """
+    announce(f"libraries {libraries} on {prototypes} virtual prototype(s): some minutes; Ctrl-C keeps what is finished")
     from sim_core.rolling.warm_up import Stage
     from tensegrity_lab.studies.campaign import Asked, run
     from tensegrity_lab.terminal.compile_notice import compile_first
@@ -49,22 +49,17 @@ def command(
     words += ["--prototypes", str(prototypes), "--seed", str(seed), "--perturbation", f"{perturbation:g}", "--sample", str(sample)]
     words += ["--page"] if page else []
     target = results_page("campaign.md") if page else None
-    asked = Asked(
-        folder, names, primitives, gaits, prototypes, seed, perturbation, sample, time_scale, target, tuple(words)
-    )  # fmt: skip
+    asked = Asked(folder, names, primitives, gaits, prototypes, seed, perturbation, sample, time_scale, target, tuple(words))
     compile_first(Stage.BATCH, *([Stage.ROBOT] if sample else []))
-    shown = [f"libraries {', '.join(names)} on {prototypes} virtual prototype(s)"]
-    shown += [f"then {sample} trials through the whole stack"] * bool(sample)
-    typer.echo(f"{', '.join(shown)}; into {folder}", err=True)
+    say(f"into {folder.resolve()}" + (f"; at the end {sample} trials through the whole stack" if sample else ""), err=True)
     try:
         with bars("rolls") as bar:
-            done = run(asked, bar, lambda text: typer.echo(text, err=True))
+            done = run(asked, bar, lambda text: say(text, err=True))
     except KeyboardInterrupt:
-        typer.echo(f"\ninterrupted: the sessions that are finished are kept in {folder}, for report and fit", err=True)
+        say(f"\ninterrupted: the sessions that are finished are kept in {folder.resolve()}, for report and fit", err=True)
         raise typer.Exit(130) from None
     for summary in done.summaries:
         typer.echo(summary)
     if done.pairs:
         typer.echo(f"through the whole stack: {sum(pair.agrees for pair in done.pairs)} of {len(done.pairs)} trials agree")
-    for path in (*done.reports, folder / "campaign.md", *([target] if target else [])):
-        typer.echo(f"wrote {path}")
+    wrote(*done.reports, folder / "campaign.md", target)

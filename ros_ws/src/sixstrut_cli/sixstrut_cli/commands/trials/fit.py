@@ -9,44 +9,22 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import (
-    JsonOption,
-    OutputOption,
-    PageOption,
-    PrototypeOption,
-    chosen_sessions,
-    in_folder,
-    output_folder,
-    results_page,
-)
-from sixstrut_cli.outputs import COUNTS, output_of
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, in_folder, output_folder, output_of, results_page, wrote
 
 
 def command(
     trials: Annotated[
         list[Path] | None,
-        typer.Argument(
-            metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags. [default: the newest session]", show_default=False
-        ),
+        typer.Argument(metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags. [default: the newest session]"),
     ] = None,
     ensemble: Annotated[
         Path | None,
         typer.Option(
-            metavar="FILE",
-            help="Write the fitted ensemble here, for rehearse and search.",
-            show_default=False,
-            callback=output_of("ensemble"),
+            metavar="FILE", help="Write the fitted ensemble here, for rehearse and search.", callback=output_of("ensemble")
         ),
     ] = None,
-    odds: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FILE",
-            help="Write how likely every gait is to work, for planner and route.",
-            show_default=False,
-            callback=output_of(COUNTS),
-        ),
-    ] = None,
+    odds: options.SuccessCounts = None,
     counts_only: Annotated[
         bool,
         typer.Option("--counts-only", help="No ensemble: the shipped success counts and each gait's own trials. Takes no time."),
@@ -59,17 +37,17 @@ def command(
     prior: Annotated[
         str, typer.Option(help="Half ranges, e.g. friction=0.6,slope_deg=5.", show_default="see docs/results/learning.md")
     ] = "",
-    library: Annotated[str | None, typer.Option(help="Of bags whose library is not shipped.", show_default=False)] = None,
+    library: Annotated[str | None, typer.Option(help="Of bags whose library is not shipped.")] = None,
     demonstrate: Annotated[
         bool, typer.Option("--demonstrate", help="Instead: fit hidden virtual robots, and test what was learnt.")
     ] = False,
     robots: Annotated[int, typer.Option(min=1, help="Of a demonstration.")] = 3,
     primitives: Annotated[int, typer.Option(min=1, help="Of each class, of a demonstration.")] = 4,
     searched: Annotated[int, typer.Option(min=0, help="Of a demonstration: robots for which a library is searched.")] = 1,
-    output: OutputOption = None,
-    page: PageOption = False,
-    prototype: PrototypeOption = None,
-    as_json: JsonOption = False,
+    output: options.Output = None,
+    page: options.Page = False,
+    prototype: options.Prototype = None,
+    as_json: options.Json = False,
 ) -> None:
     """Estimate friction, stiffness, rest lengths, strokes and slope from trials' outcomes.
 
@@ -82,8 +60,12 @@ def command(
     sixstrut fit bags/monday bags/tuesday --counts-only --odds my_odds.yaml
     sixstrut fit --demonstrate
     """
+    announce(
+        "fitting hidden robots, some minutes" if demonstrate else "reading the trials; how long the fit takes is measured first"
+    )
     from sim_core.dynamics.model import build_model
     from sim_core.structure.parameters import load_prototype
+    from tensegrity_lab.session_data.folder import newest_session
     from tensegrity_lab.studies import fit as running
     from tensegrity_lab.studies.fit_trials import read_tries
 
@@ -92,20 +74,19 @@ def command(
     if demonstrate:
         target = results_page("learning.md") if page else output_folder("fit", output) / "learning.md"
         typer.echo(running.demonstrated(model, asked, robots, primitives, searched, library or "improved", target))
-        typer.echo(f"wrote {target}")
+        wrote(target)
         return
     if page or output is not None:
         raise typer.BadParameter("only a demonstration makes a page: give --demonstrate as well", param_hint="--page, --output")
     if counts_only and (ensemble is not None or odds is None):
         raise typer.BadParameter("it makes no ensemble: give --odds FILE, and not --ensemble", param_hint="--counts-only")
-    tries = read_tries(chosen_sessions(trials), model, library)
+    tries = read_tries(options.given_or(newest_session, trials), model, library)
     found = None if counts_only else running.fitted(model, tries, asked, odds is not None)
     if ensemble is not None and found is not None:
         running.write_ensemble(in_folder(ensemble), model, tries, found)
-        typer.echo(f"wrote {ensemble}", err=as_json)
+        wrote(ensemble, err=as_json)
     if odds is not None:
         running.write_odds(in_folder(odds), model, tries, found, asked)
     document = running.document_of(tries, found)
     typer.echo(json.dumps(document) if as_json else running.text_of(tries, found))
-    if odds is not None and not as_json:
-        typer.echo(f"wrote {odds}")
+    wrote(odds, err=as_json)

@@ -9,26 +9,22 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.options import JsonOption, announce, in_folder, output_folder
-from sixstrut_cli.outputs import picture_path
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, in_folder, output_folder, picture_path, say, wrote
 
 
 def command(
     bags: Annotated[
         list[Path] | None,
-        typer.Argument(
-            metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags. [default: the newest session or bag]", show_default=False
-        ),
+        typer.Argument(metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags. [default: the newest session or bag]"),
     ] = None,
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG: predicted probability against the share that succeeded. [default: out/odds/odds.png]",
-            show_default=False,
-            callback=picture_path,
+            help="PNG: predicted probability against the share that succeeded. [default: out/odds/odds.png]", callback=picture_path
         ),
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Set what the planner's rehearsals foretold against what then happened, roll by roll: calibration plot and Brier score.
 
@@ -43,10 +39,7 @@ def command(
     from tensegrity_lab.reports.hypothesis_tests import calibration
     from tensegrity_lab.reports.trial_plots import odds_picture
 
-    if not bags:
-        bags = [newest()]
-        typer.echo(f"the newest: {bags[0]}", err=True)
-    files = bags_of(bags)
+    files = bags_of(options.given_or(newest, bags))
     rolls = [one for path in files for one in foretold_in(path)]
     told = calibration([one.odds for one in rolls], [one.won for one in rolls])
     if told is None:
@@ -62,19 +55,19 @@ def command(
         document = {"rolls": [one._asdict() for one in rolls], "brier": told.brier, "expected": told.expected}
         typer.echo(json.dumps(document | {"observed": told.observed, "bins": told.bins, "picture": str(picture)}))
         return
-    typer.echo(f"{'foretold':>15}  {'rolls':>5}  {'mean':>6}  {'succeeded':>9}  95 % interval")
+    say(f"{'foretold':>15}  {'rolls':>5}  {'mean':>6}  {'succeeded':>9}  95 % interval")
     for low, high, count, expected, share in told.bins:
         rate = rate_of(round(share * count), count)
-        typer.echo(
+        say(
             f"{100 * low:6.0f} … {100 * high:3.0f} %  {count:5}  {100 * expected:4.0f} %  {100 * share:7.0f} %  "
             f"[{100 * rate.low:.0f}, {100 * rate.high:.0f}] %"
         )
-    typer.echo(
+    say(
         f"{len(rolls)} rolls of {len(files)} bag(s): {100 * told.expected:.1f} % foretold, {100 * told.observed:.1f} % succeeded; "
         f"Brier score {told.brier:.3f} (0: perfect; 0.25: a coin)"
     )
     for one in rolls:
         if not one.won:
             where = f"most rehearsals ended on {one.likely}, {100 * one.odds:.0f} % rolled"
-            typer.echo(f"{one.bag}: {one.primitive} {one.source}→{one.target} ended on {one.ended or 'no face'}; {where}")
-    typer.echo(f"wrote {picture}")
+            say(f"{one.bag}: {one.primitive} {one.source}→{one.target} ended on {one.ended or 'no face'}; {where}")
+    wrote(picture)

@@ -11,7 +11,8 @@ from typing import Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import JsonOption, announce, in_folder
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, in_folder, say, wrote
 
 
 def command(
@@ -20,10 +21,7 @@ def command(
         str, typer.Option(help="The twin's actuators, as the twin had them: ideal, stand-in, or a YAML file.")
     ] = "ideal",
     compare: Annotated[bool, typer.Option("--compare", help="Also a bag of another model: compare its faces only.")] = False,
-    trial: Annotated[
-        list[int] | None,
-        typer.Option(min=1, help="Only this trial of a session; may be given often.", show_default=False),
-    ] = None,
+    trial: Annotated[list[int] | None, typer.Option(min=1, help="Only this trial of a session; may be given often.")] = None,
     trials: Annotated[bool, typer.Option("--trials", help="Trial by trial, all of them.")] = False,
     ensemble: Annotated[int, typer.Option(min=0, max=10_000, help="Also each trial on so many perturbed twins.")] = 0,
     changes: Annotated[
@@ -32,15 +30,13 @@ def command(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG of the session, or of one trial. [default: BAG_replay.png beside the bag; none with --json or for trials]",
-            show_default=False,
+            help="PNG of the session, or of one trial. [default: BAG_replay.png beside the bag; none with --json or for trials]"
         ),
     ] = None,
     animation: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A moving picture of the session, .webp or .gif, of eight seconds.", show_default=False),
+        Path | None, typer.Option(metavar="FILE", help="A moving picture of the session, .webp or .gif, of eight seconds.")
     ] = None,
-    as_json: JsonOption = False,
+    as_json: options.Json = False,
 ) -> None:
     """Step the twin through the commands that were sent; compare faces with those observed, bits with the live twin's.
 
@@ -79,52 +75,45 @@ def _by_trial(
     from hardware_bridge.recording.bag_types import TOPICS
     from sim_core.studies.binomial_intervals import counted
     from sim_core.studies.rehearsal import Ensemble
+    from tensegrity_lab.bags import trial_replay
     from tensegrity_lab.bags.replay import require_same_model
-    from tensegrity_lab.bags.trial_replay import (
-        changed_model,
-        chosen_trials,
-        course_text,
-        gait_in,
-        library_of,
-        replay_trial,
-        trials_of,
-    )
     from tensegrity_lab.reports.trial_plots import course_picture
 
-    lines = chosen_trials(trials_of(bag), numbers)
+    lines = trial_replay.chosen_trials(trial_replay.trials_of(bag), numbers)
     if picture is not None and len(lines) != 1:
         raise typer.BadParameter(f"--picture shows one trial, and {len(lines)} are asked for: give --trial N")
     recorded = read_bag(bag, topics=TOPICS)
     session = recorded.session(until_ns=0)  # its attachments
-    model = changed_model(session, changes)
+    model = trial_replay.changed_model(session, changes)
     if not (changes or compare):
         require_same_model(session, model)
     courses = []
     for line in lines:
         if numbers or line.robot_s == line.robot_s:  # a trial that never ended is replayed only if asked for
-            courses.append(replay_trial(recorded, line, model))
+            courses.append(trial_replay.replay_trial(recorded, line, model))
             if not as_json:
-                typer.echo(course_text(courses[-1]))
+                say(trial_replay.course_text(courses[-1]))
     odds = {}
     if members:
-        shelf = library_of(session)
-        gaits = {gait.name: gait for gait in (gait_in(shelf, course.line) for course in courses)}
+        shelf = trial_replay.library_of(session)
+        gaits = {gait.name: gait for gait in (trial_replay.gait_in(shelf, course.line) for course in courses)}
         law = Ensemble(model, members=members)
         for told in law.rehearse(list(gaits.values())):
             odds[told.gait.name] = told
             if not as_json:
                 ends = ", ".join(f"{face} {count}" for face, count in told.outcomes.items())
                 rate = counted(told.rate.successes, members)
-                typer.echo(f"{told.gait.name} on perturbed twins ({law.law.brief}): {rate}; ends on {ends}")
+                say(f"{told.gait.name} on perturbed twins ({law.law.brief}): {rate}; ends on {ends}")
     if picture is not None:
         course_picture(courses[0], in_folder(picture))
+        wrote(picture, err=as_json)
     agree = [course.agrees for course in courses if course.agrees is not None]
     if as_json:
         rows = [_document(course, odds) for course in courses]
         typer.echo(json.dumps({"bag": str(bag), "model_hash": model.hash, "changes": changes, "trials": rows}))
     else:
         what_if = f" with {', '.join(f'{name} = {value:g}' for name, value in changes.items())}" if changes else ""
-        typer.echo(f"{sum(agree)} of {len(agree)} trials end as recorded{what_if}; model {model.hash}")
+        say(f"{sum(agree)} of {len(agree)} trials end as recorded{what_if}; model {model.hash}")
     return all(agree)
 
 
@@ -132,10 +121,7 @@ def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
     line = course.line
     told = odds.get(f"{line.primitive} {line.source}→{line.target}")
     return {
-        "number": line.number,
-        "primitive": line.primitive,
-        "source": line.source,
-        "target": line.target,
+        **{key: getattr(line, key) for key in ("number", "primitive", "source", "target")},
         "outcome": str(line.outcome),
         "recorded_faces": list(line.faces),
         "twin_faces": list(course.faces),
@@ -151,22 +137,15 @@ def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
 
 
 def _whole(
-    bag: Path,
-    changes: dict[str, float],
-    actuators: str,
-    compare: bool,
-    picture: Path | None,
-    animation: Path | None,
-    as_json: bool,
+    bag: Path, changes: dict[str, float], actuators: str, compare: bool, picture: Path | None, animation: Path | None, as_json: bool
 ) -> bool:
-    from rich.progress import Progress
-
     from hardware_bridge.recording.bag_reader import read_session
     from hardware_bridge.recording.bag_types import TOPICS
     from sim_core.dynamics.actuators import require_actuators
     from tensegrity_lab.bags.replay import model_of, replay, require_same_model
     from tensegrity_lab.bags.trial_replay import changed_model
     from tensegrity_lab.reports.animation import Moment, Stand, animate, moment_of
+    from tensegrity_lab.terminal.progress import bars
 
     drives = require_actuators(actuators)
     session = read_session(bag, topics=TOPICS)
@@ -177,9 +156,8 @@ def _whole(
     watch = (
         (lambda time_s, robot: moments.append(moment_of(time_s, robot))) if animation is not None else (lambda time_s, robot: None)
     )
-    with Progress(transient=True, disable=as_json) as bar:
-        task = bar.add_task("replaying", total=None)
-        result = replay(session, model, drives, lambda done, total: bar.update(task, completed=done, total=total), watch)
+    with bars("events", "nothing was written") as bar:
+        result = replay(session, model, drives, bar("replaying"), watch)
     same_bits = result.same_states == result.live_states
     same_face = result.recorded is None or result.final == result.recorded
     if picture is None and not as_json:
@@ -193,36 +171,22 @@ def _whole(
         stands = [Stand(check.time_s, check.predicted) for check in result.faces if check.predicted]
         animate(moments, stands, in_folder(animation), f"{bag.name}: the twin, stepped through a recorded session")
     if as_json:
-        typer.echo(
-            json.dumps(
-                {
-                    "bag": str(bag),
-                    "digest": result.digest,
-                    "step": result.step,
-                    "model_hash": result.model_hash,
-                    "live_states": result.live_states,
-                    "same_states": result.same_states,
-                    "faces": [{**vars(check), "agrees": check.agrees} for check in result.faces],
-                    "final_face": result.final,
-                    "recorded_face": result.recorded,
-                    "resets": result.resets,
-                }
-            )
-        )
+        told = {key: getattr(result, key) for key in ("digest", "step", "model_hash", "live_states", "same_states", "resets")}
+        faces = [{**vars(check), "agrees": check.agrees} for check in result.faces]
+        ends = {"final_face": result.final, "recorded_face": result.recorded}
+        typer.echo(json.dumps({"bag": str(bag), **told, "faces": faces, **ends}))
         return same_bits and same_face
     for check in result.faces:
         mark = "as" if check.agrees else "but"
         seen = f"{mark} {check.source} saw {check.observed or 'no face'}"
-        typer.echo(f"  {check.time_s:6.1f} s  twin on {check.predicted or 'no face'}, {seen}")
+        say(f"  {check.time_s:6.1f} s  twin on {check.predicted or 'no face'}, {seen}")
     if result.live_states:
         verdict = "the same bits" if same_bits else f"different bits from event {result.first_difference} on"
-        typer.echo(f"  {result.same_states} of {result.live_states} recorded states of the live twin: {verdict}")
+        say(f"  {result.same_states} of {result.live_states} recorded states of the live twin: {verdict}")
     else:
         typer.echo("  the bag holds no states of a live twin with this model to compare with")
     end = f"ended on {result.final or 'no face'}"
-    typer.echo(f"  {end}, recorded: {result.recorded or 'nobody looked'}{'' if same_face else ' — they differ'}")
-    typer.echo(f"  final state {result.digest} at step {result.step}, model {result.model_hash}")
-    for written in (picture, animation):
-        if written is not None:
-            typer.echo(f"  wrote {written}")
+    say(f"  {end}, recorded: {result.recorded or 'nobody looked'}{'' if same_face else ' — they differ'}")
+    say(f"  final state {result.digest} at step {result.step}, model {result.model_hash}")
+    wrote(picture, animation)
     return same_bits and same_face

@@ -10,7 +10,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from sixstrut_cli.options import announce, chosen_sessions
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, wrote
 
 
 class _Greedy(TyperCommand):
@@ -35,12 +36,9 @@ COMMAND_CLASS = _Greedy
 
 def command(
     sessions: Annotated[
-        list[Path] | None,
-        typer.Argument(help="Folders of sessions; several are taken together. [default: the newest]", show_default=False),
+        list[Path] | None, typer.Argument(help="Folders of sessions; several are taken together. [default: the newest]")
     ] = None,
-    against: Annotated[
-        list[Path] | None, typer.Option(help="Sessions to compare with: all that follow.", show_default=False)
-    ] = None,
+    against: Annotated[list[Path] | None, typer.Option(help="Sessions to compare with: all that follow.")] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder to write to. [default: report in the first session's]")
     ] = None,
@@ -51,12 +49,14 @@ def command(
     sixstrut report bags/monday
     sixstrut report bags/monday bags/tuesday --against bags/previous -o report
     """
-    announce("reading the sessions")
+    announce("reading the sessions and drawing, some seconds; the page is written at the end")
     from tensegrity_lab.reports.trial_report import Report, summary_of
+    from tensegrity_lab.session_data.folder import newest_session
 
-    sessions = chosen_sessions(sessions)
+    sessions = options.given_or(newest_session, sessions)
     words = ["./sixstrut", "report", *map(str, sessions), *(word for path in against or [] for word in ("--against", str(path)))]
     report = Report(sessions, against or [], shlex.join(words))
     page = report.write(output or sessions[0] / "report")
     typer.echo(summary_of(report))
-    typer.echo(f"page: {page}; tables and pictures beside it")
+    wrote(page)
+    typer.echo("tables and pictures are beside it")

@@ -4,16 +4,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from sixstrut_cli.options import MOST_PERTURBATION, BoardOption, DomainOption
+from sixstrut_cli import options
 
 
 def command(
     session: Annotated[
-        Path | None, typer.Argument(help="The session's folder; it goes on if it exists. Default: a new one.", show_default=False)
+        Path | None, typer.Argument(help="The session's folder; it goes on if it exists. Default: a new one.")
     ] = None,
     library: Annotated[str | None, typer.Option(help="A shipped library's name, or a YAML file. [default: robust]")] = None,
     primitives: Annotated[str | None, typer.Option(help='Which of it: "1-40", "1,3,7-9", "P5,P12", all. [default: all]')] = None,
@@ -24,26 +24,27 @@ def command(
     order_seed: Annotated[int | None, typer.Option(min=0, help="Draws the order. [default: drawn and kept]")] = None,
     experimenter: Annotated[str, typer.Option(help="Who runs it. [default: your login]")] = "",
     robot: Annotated[str | None, typer.Option(help="Which prototype: one name for each.")] = None,
-    port: Annotated[str, typer.Option(help="Device or socket://HOST:PORT of the board.", show_default=False)] = "",
-    calibration: Annotated[Path | None, typer.Option(help="The robot's calibration YAML.", show_default=False)] = None,
+    port: Annotated[str, typer.Option(help="Device or socket://HOST:PORT of the board.")] = "",
+    calibration: options.Calibration = None,
     virtual: Annotated[bool, typer.Option("--virtual", help="Virtual trials, on a virtual prototype of its own.")] = False,
-    board: BoardOption = "lsc",
-    baud: Annotated[int, typer.Option(min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")] = 0,
+    board: options.Board = "lsc",
+    baud: options.Baud = 0,
     rested: Annotated[
         float, typer.Option(min=0.0, max=1e7, help="Seconds for which the actuators have rested; what nobody knows counts as run.")
     ] = 0.0,
-    silent_board: Annotated[bool, typer.Option("--silent-board", help="This board cannot answer; arm it all the same.")] = False,
+    silent_board: options.SilentBoard = False,
     perturbation: Annotated[
-        float | None, typer.Option(min=0.0, max=MOST_PERTURBATION, help="How far the virtual prototype is off. [default: 0.05]")
+        float | None,
+        typer.Option(min=0.0, max=options.MOST_PERTURBATION, help="How far the virtual prototype is off. [default: 0.05]"),
     ] = None,
     seed: Annotated[int | None, typer.Option(min=0, help="Which virtual prototype. [default: 1]")] = None,
     actuators: Annotated[
         str | None, typer.Option(help="Its actuators: ideal, stand-in, or a YAML file. [default: stand-in]")
     ] = None,
-    time_scale: Annotated[float, typer.Option(min=0.01, max=100.0, help="Its robot seconds per second.")] = 8.0,
+    time_scale: options.TimeScale = 8.0,
     by_hand: Annotated[bool, typer.Option("--by-hand", help="Judge virtual trials yourself, to practise.")] = False,
     plan_only: Annotated[bool, typer.Option("--plan", help="Show the plan and its estimated time, and leave.")] = False,
-    domain: DomainOption = None,
+    domain: options.Domain = None,
 ) -> None:
     """Run a session: primitives × gaits × repeats, one record a trial in a ledger and in the bag. Resumable after anything.
 
@@ -61,17 +62,14 @@ def command(
 
     if virtual and port:
         raise typer.BadParameter("give --virtual, which starts a prototype of its own, or --port, not both")
-    plan = {
+    plan: dict[str, Any] = {
         "library": library,
         "primitives": primitives,
         "gaits": gaits,
         "repeats": repeats,
         "order_seed": order_seed,
-        "robot": robot,
-        "perturbation": perturbation,
-        "seed": seed,
-        "actuators": actuators,
     }
+    plan |= {"order_seed": order_seed, "robot": robot, "perturbation": perturbation, "seed": seed, "actuators": actuators}
     where = str(calibration or "")
     who = printable(experimenter or login(), NAME_MOST) or "unknown"
     said = (rested, silent_board, domain)
