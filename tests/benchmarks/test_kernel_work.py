@@ -8,7 +8,7 @@ from sim_core.dynamics import vfife
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.structure.parameters import load_prototype
-from tests.tensegrity_lab.benchmarks.kernel_work import ARITHMETIC, MEMORY, compiled_operations, count_step
+from tests.benchmarks.kernel_work import ARITHMETIC, MEMORY, compiled_operations, count_step
 
 # Most that one robot's step may cost (eight robots in a vector share each operation). Lower them when the kernel gets leaner.
 MOST_ARITHMETIC = {"in the air": 6000, "at rest": 6300}

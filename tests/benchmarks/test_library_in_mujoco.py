@@ -4,7 +4,7 @@
 import numpy as np
 
 from sim_core.gaits.library import load_library
-from tensegrity_lab.benchmarks.solver.library_in_mujoco import Tried, text_of
+from tests.benchmarks.solver.library_in_mujoco import Tried, text_of
 
 
 def test_rolls_for_which_some_gait_works_are_counted_class_by_class():

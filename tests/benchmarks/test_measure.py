@@ -11,9 +11,9 @@ from sim_core.dynamics.robot import Robot
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import lengths_of
 from sim_core.structure.topology import FACES
-from tensegrity_lab.benchmarks.solver import measure, report
-from tensegrity_lab.benchmarks.solver.engines import Moment, SixStrut
-from tensegrity_lab.benchmarks.solver.equilibrium import Rest
+from tests.benchmarks.solver import measure, report
+from tests.benchmarks.solver.engines import Moment, SixStrut
+from tests.benchmarks.solver.equilibrium import Rest
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ import pytest
 
 from sim_core.structure.elements import elements_of, previous_elements_of
 from sim_core.structure.parameters import load_prototype
-from tensegrity_lab.benchmarks.solver.mujoco_model import mjcf, positions_of
+from tests.benchmarks.solver.mujoco_model import mjcf, positions_of
 
 
 @pytest.fixture(scope="module")

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_lab.benchmarks.stack import demo_usage, live_stack, metrics, recording, report, start_up
-from tensegrity_lab.benchmarks.stack.process_usage import Sampler
+from tests.benchmarks.stack import demo_usage, live_stack, metrics, recording, report, start_up
+from tests.benchmarks.stack.process_usage import Sampler
 
 MS = 1_000_000
 BAG = Path(__file__).parents[3] / "bags" / "example.mcap"

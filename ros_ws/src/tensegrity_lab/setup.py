@@ -6,7 +6,7 @@ package_name = "tensegrity_lab"
 setup(
     name=package_name,
     version="0.1.0",
-    description="Experiments with the six-strut tensegrity: trials, studies, reports, failures, benchmarks.",
+    description="Experiments with the six-strut tensegrity: trials, studies, reports.",
     license="Apache-2.0",
     maintainer="sixstrut maintainers",
     maintainer_email="maintainers@sixstrut.example",

@@ -13,8 +13,8 @@ from sim_core.structure.parameters import Prototype
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.binomial_intervals import Rate, rates_along
 from sim_core.studies.ensemble_fit import stood_on_target
-from tensegrity_lab.benchmarks.solver.engines import Task
-from tensegrity_lab.benchmarks.solver.mujoco_engine import MuJoCo
+from tests.benchmarks.solver.engines import Task
+from tests.benchmarks.solver.mujoco_engine import MuJoCo
 
 STEP_S = 2e-3
 

@@ -20,8 +20,8 @@ from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import checked_policy
 from sim_core.structure.topology import FACES, NEIGHBOURS
 from sim_core.studies.rehearsal import MEMBERS, Ensemble
-from tensegrity_lab.benchmarks.solver.engines import Engine, Moment, SixStrut, Task
-from tensegrity_lab.benchmarks.solver.mujoco_engine import MuJoCo
+from tests.benchmarks.solver.engines import Engine, Moment, SixStrut, Task
+from tests.benchmarks.solver.mujoco_engine import MuJoCo
 
 MUJOCO_STEPS_S = (0.001, 0.002, 0.005)
 COUNTS = (1, 8, 64, 512, 4096)
@@ -283,7 +283,7 @@ def memories(prototype_file: str | None, plan: Plan, say: Say) -> list[Memory]:
         command = [
             sys.executable,
             "-m",
-            "tensegrity_lab.benchmarks.solver.memory",
+            "tests.benchmarks.solver.memory",
             json.dumps(settings | {"threads": plan.threads[-1]}),
         ]
         done = subprocess.run(command, capture_output=True, text=True, check=True, stdin=subprocess.DEVNULL)

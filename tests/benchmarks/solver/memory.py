@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A process that only rolls, to see its memory: `python -m tensegrity_lab.benchmarks.solver.memory SETTINGS`."""
+"""A process that only rolls, to see its memory: `python -m tests.benchmarks.solver.memory SETTINGS`."""
 
 from __future__ import annotations
 
@@ -10,9 +10,9 @@ from pathlib import Path
 import psutil
 
 from sim_core.structure.parameters import load_prototype
-from tensegrity_lab.benchmarks.solver.engines import Engine, SixStrut
-from tensegrity_lab.benchmarks.solver.measure import Memory, tasks_of
-from tensegrity_lab.benchmarks.solver.mujoco_engine import MuJoCo
+from tests.benchmarks.solver.engines import Engine, SixStrut
+from tests.benchmarks.solver.measure import Memory, tasks_of
+from tests.benchmarks.solver.mujoco_engine import MuJoCo
 
 MUJOCO_STEP_S = 0.002
 

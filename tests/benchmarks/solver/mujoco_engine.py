@@ -20,8 +20,8 @@ from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import Policy, lengths_of, neutral_lengths
 from sim_core.structure.topology import JOINTS
-from tensegrity_lab.benchmarks.solver import mujoco_model
-from tensegrity_lab.benchmarks.solver.engines import Crowd, Moment, Task
+from tests.benchmarks.solver import mujoco_model
+from tests.benchmarks.solver.engines import Crowd, Moment, Task
 
 
 class MuJoCo:

@@ -11,10 +11,10 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from tensegrity_lab.benchmarks.solver.equilibrium import Rest
-from tensegrity_lab.benchmarks.solver.measure import Accuracy, Judged, Memory, Plan, Rehearsal, Speed
 from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure
 from tensegrity_lab.reports.markdown import table
+from tests.benchmarks.solver.equilibrium import Rest
+from tests.benchmarks.solver.measure import Accuracy, Judged, Memory, Plan, Rehearsal, Speed
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def as_markdown(report: Report, picture: str | None) -> str:
         "# Benchmark",
         "Written by `./sixstrut bench --page`; do not edit. The same robot, the same policies, one run, the engines in turn, the "
         f"fastest of {plan.rounds} measurements each. MuJoCo's model is made from the same numbers "
-        "(`tensegrity_lab/benchmarks/solver/mujoco_model.py` says what differs); its batches run in its own thread pool "
+        "(`tests/benchmarks/solver/mujoco_model.py` says what differs); its batches run in its own thread pool "
         "(`mujoco.rollout`), one robot by `mj_step`.",
         f"{m.processor}; {m.processors} processors; Python {m.python}, numba {m.numba}, MuJoCo {m.mujoco}; "
         f"model {report.model_hash}; load average before {m.load[0]:.1f}, "

@@ -14,10 +14,10 @@ from pathlib import Path
 import psutil
 
 from hardware_bridge.driver.child_process import bound
-from tensegrity_lab.benchmarks.stack.metrics import Plan, Usage
-from tensegrity_lab.benchmarks.stack.process_usage import GONE, Sampler
 from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.processes import wait_until
+from tests.benchmarks.stack.metrics import Plan, Usage
+from tests.benchmarks.stack.process_usage import GONE, Sampler
 
 NODES = ("twin", "gait_planner", "hardware_bridge")
 START_LIMIT_S = 120.0

@@ -13,7 +13,10 @@ from typing import Any, NamedTuple
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.benchmarks.stack.metrics import (
+from tensegrity_lab.errors import StackError, granted
+from tensegrity_lab.stack.processes import START_LIMIT_S, Stack
+from tensegrity_lab.stack.virtual_stack import start_prototype
+from tests.benchmarks.stack.metrics import (
     Latency,
     Load,
     Plan,
@@ -23,11 +26,8 @@ from tensegrity_lab.benchmarks.stack.metrics import (
     spread,
     uneven_ms,
 )
-from tensegrity_lab.benchmarks.stack.probe import Probe
-from tensegrity_lab.benchmarks.stack.process_usage import cpu_s
-from tensegrity_lab.errors import StackError, granted
-from tensegrity_lab.stack.processes import START_LIMIT_S, Stack
-from tensegrity_lab.stack.virtual_stack import start_prototype
+from tests.benchmarks.stack.probe import Probe
+from tests.benchmarks.stack.process_usage import cpu_s
 
 Say = Callable[[str], None]
 STROKE_M = 0.001

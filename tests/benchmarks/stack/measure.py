@@ -10,10 +10,10 @@ from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from tensegrity_lab.benchmarks.solver.report import processor
-from tensegrity_lab.benchmarks.stack import demo_usage, live_stack, recording, start_up
-from tensegrity_lab.benchmarks.stack.metrics import Plan, StackReport
 from tensegrity_lab.stack.ros_domain import private_domain
+from tests.benchmarks.solver.report import processor
+from tests.benchmarks.stack import demo_usage, live_stack, recording, start_up
+from tests.benchmarks.stack.metrics import Plan, StackReport
 
 
 def measure(plan: Plan, say: Callable[[str], None]) -> StackReport:

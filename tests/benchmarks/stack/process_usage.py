@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import psutil
 
-from tensegrity_lab.benchmarks.stack.metrics import Usage
+from tests.benchmarks.stack.metrics import Usage
 
 SAMPLE_S = 0.1
 GONE = (psutil.NoSuchProcess, psutil.AccessDenied)

@@ -12,8 +12,8 @@ from hardware_bridge.errors import RecorderError
 from hardware_bridge.recording.bag_reader import read_bag
 from hardware_bridge.recording.message_definitions import ShareSchemas
 from hardware_bridge.recording.recorder import Recorder
-from tensegrity_lab.benchmarks.stack.metrics import Capacity, Plan
 from tensegrity_lab.stack.processes import wait_until
+from tests.benchmarks.stack.metrics import Capacity, Plan
 
 PACED = 500
 """So many messages may wait while the throughput is measured."""

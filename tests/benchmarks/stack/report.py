@@ -11,9 +11,9 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tensegrity_lab.benchmarks.stack.metrics import Capacity, Latency, Load, Spread, StackReport, StartUp, TwinCost, Usage
 from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure
 from tensegrity_lab.reports.markdown import table
+from tests.benchmarks.stack.metrics import Capacity, Latency, Load, Spread, StackReport, StartUp, TwinCost, Usage
 
 
 def as_json(report: StackReport) -> str:

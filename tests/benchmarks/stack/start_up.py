@@ -16,10 +16,10 @@ from collections import defaultdict
 from pathlib import Path
 
 from sim_core.rolling.warm_up import ALL, warm_up
-from tensegrity_lab.benchmarks.stack.metrics import Compilation, Compiling, FirstState, Plan, StartUp
-from tensegrity_lab.benchmarks.stack.probe import Probe
-from tensegrity_lab.benchmarks.stack.process_usage import cpu_s
 from tensegrity_lab.stack.processes import START_LIMIT_S, Stack
+from tests.benchmarks.stack.metrics import Compilation, Compiling, FirstState, Plan, StartUp
+from tests.benchmarks.stack.probe import Probe
+from tests.benchmarks.stack.process_usage import cpu_s
 
 LONGEST = 6
 SAID = re.compile(r"first state published ([0-9.]+) s after")

@@ -9,8 +9,8 @@ import pytest
 
 from hardware_bridge.recording.bag_reader import read_session
 from tensegrity_lab.bags.replay import replay
-from tensegrity_lab.benchmarks.stack import live_stack, start_up
-from tensegrity_lab.benchmarks.stack.metrics import Plan
+from tests.benchmarks.stack import live_stack, start_up
+from tests.benchmarks.stack.metrics import Plan
 
 pytestmark = [pytest.mark.ros, pytest.mark.slow]
 PLAN = Plan(rate_hz=200.0, seconds=1.0, goals=3, cancels=2, stops=1)

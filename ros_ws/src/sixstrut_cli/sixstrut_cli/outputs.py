@@ -80,6 +80,11 @@ def repository(folder: str) -> Path:
     return path
 
 
+def import_tests() -> None:
+    """Make the repository's tests importable: failures and benchmarks are there. Raises typer.BadParameter: no repository."""
+    sys.path.insert(0, str(repository("tests").parent))
+
+
 def results_page(name: str) -> Path:
     """A page of the repository that a command writes. Raises typer.BadParameter: there is no repository here."""
     return repository("docs/results") / name

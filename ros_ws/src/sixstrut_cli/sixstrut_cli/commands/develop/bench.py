@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, output_folder, repository, results_page, wrote
+from sixstrut_cli.outputs import announce, import_tests, output_folder, results_page, wrote
 
 
 def command(
@@ -43,7 +43,7 @@ def command(
     sixstrut bench --stack --quick --json
     sixstrut bench --library robust
     """
-    repository("requirements")
+    import_tests()
     if page and (quick or prototype is not None or library is not None):
         raise typer.BadParameter("the page is of a whole run: leave --quick, --prototype and --library out", param_hint="--page")
     name = "benchmark_stack.md" if stack else "benchmark.md"
@@ -64,7 +64,7 @@ def _say(what: str) -> None:
 
 
 def _measure_stack(quick: bool, path: Path, as_json: bool) -> None:
-    from tensegrity_lab.benchmarks.stack import measure, metrics, report
+    from tests.benchmarks.stack import measure, metrics, report
 
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes have to be ended
     _tell(report, measure.measure(metrics.QUICK if quick else metrics.Plan(), _say), path, as_json)
@@ -74,7 +74,7 @@ def _measure_solver(quick: bool, threads: int | None, path: Path, as_json: bool,
     from sim_core.dynamics.model import build_model
     from sim_core.structure.parameters import load_prototype
     from sim_core.twin.model_versions import label_of
-    from tensegrity_lab.benchmarks.solver import equilibrium, measure, report
+    from tests.benchmarks.solver import equilibrium, measure, report
 
     load = os.getloadavg()[0]
     most = threads or min(2, os.cpu_count() or 1)
@@ -106,7 +106,7 @@ def _tell(report: Any, result: Any, path: Path, as_json: bool) -> None:
 def _in_mujoco(name: str, threads: int | None, as_json: bool, prototype: Path | None) -> None:
     from sim_core.gaits.library import load_library
     from sim_core.structure.parameters import load_prototype
-    from tensegrity_lab.benchmarks.solver.library_in_mujoco import text_of, tried_in_mujoco
+    from tests.benchmarks.solver.library_in_mujoco import text_of, tried_in_mujoco
 
     shelf = load_library(name)
     _say(f"rolling {24 * len(shelf.primitives)} gaits in MuJoCo, a minute or so")

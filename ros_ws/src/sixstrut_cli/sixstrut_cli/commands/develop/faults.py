@@ -4,16 +4,13 @@
 from __future__ import annotations
 
 import json
-import os
 import signal
-import sys
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, output_folder, results_page, say, wrote
+from sixstrut_cli.outputs import announce, import_tests, output_folder, results_page, say, wrote
 
 ROWS = range(1, 25)
 PAGE = "failures.md"
@@ -35,10 +32,7 @@ def command(
     sixstrut faults
     sixstrut faults --only 3,14
     """
-    root = Path(os.environ.get("SIXSTRUT_ROOT", "."))
-    if not (root / "tests" / "failures").is_dir():
-        raise typer.BadParameter("the failures are tests, in the repository: run ./sixstrut faults there")
-    sys.path.insert(0, str(root))
+    import_tests()
     numbers = _numbers(only)
     announce(f"{len(numbers)} failures, some seconds each; Ctrl-C ends at any time, then nothing is written")
     if page and numbers != set(ROWS):
