@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What somebody at a terminal is told of long work: how long it takes, and what Ctrl-C keeps."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -10,6 +11,7 @@ import pytest
 
 from sim_core import build_model, load_prototype
 from tensegrity_lab.terminal.forecast import about, say_forecast
+from tensegrity_lab.terminal.leaving import leaves_at_once, uninterrupted
 
 COMPUTES = """
 import sys
@@ -37,8 +39,6 @@ def test_ctrl_c_always_leaves_and_says_what_is_kept():
 
 
 def test_outside_of_long_work_ctrl_c_is_what_it_was():
-    from tensegrity_lab.terminal.leaving import leaves_at_once
-
     before = signal.getsignal(signal.SIGINT)
     with leaves_at_once("nothing"):
         assert signal.getsignal(signal.SIGINT) is not before
@@ -55,3 +55,18 @@ def test_the_forecast_is_measured_here(capsys):
     said = capsys.readouterr().err
     assert said.startswith("a study: 1000 rolls, about ")
     assert "rolls/s here; Ctrl-C leaves at any time" in said
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_while_things_are_put_away_is_remembered(number):
+    with uninterrupted() as came:
+        assert not came
+        os.kill(os.getpid(), number)
+        assert came == [number]
+
+
+def test_afterwards_ctrl_c_interrupts_again():
+    with uninterrupted():
+        pass
+    with pytest.raises(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGINT)

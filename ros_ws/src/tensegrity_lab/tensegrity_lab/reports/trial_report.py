@@ -12,10 +12,11 @@ from typing import Any
 from sim_core.studies.binomial_intervals import Rate
 from tensegrity_lab.reports import html
 from tensegrity_lab.reports.hypothesis_tests import RESAMPLES, SEED, MannWhitney, mann_whitney
-from tensegrity_lab.reports.robustness_report import rate_document, shown, write_table
+from tensegrity_lab.reports.robustness_report import rate_document, shown
 from tensegrity_lab.reports.trial_analysis import PAPER, Group, Told
 from tensegrity_lab.reports.trial_plots import figure_8, gaits_picture, odds_picture
-from tensegrity_lab.session_data.record import COLUMNS, Line, row_of
+from tensegrity_lab.session_data.csv_tables import cells_of, write_table
+from tensegrity_lab.session_data.record import Line
 
 VIRTUAL = (
     "These are virtual trials. The virtual prototype shares the model's equations, so they test the libraries and this software; "
@@ -90,8 +91,7 @@ class Report:
             for told in group.sessions:
                 for line in told.lines:
                     revoked = "true" if line.number in told.revoked else "false"
-                    cells = dict(zip(COLUMNS[:-1], row_of(line), strict=True))
-                    yield {"group": letter, **cells, "revoked": revoked, "replay": replay_command(told, line)}
+                    yield {"group": letter, **cells_of(line), "revoked": revoked, "replay": replay_command(told, line)}
 
     def _tests(self) -> Iterable[dict[str, Any]]:
         def row(group: str, name: str, statistic: float, p: float, more: str = "") -> dict[str, Any]:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import signal
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +11,12 @@ from pathlib import Path
 from sim_core.errors import FileError
 from sim_core.files.bounded_reader import read_bytes
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.session_data.record import Event, Line, Outcome, header_text, line_of, text_of
+from tensegrity_lab.session_data.csv_tables import csv_row
+from tensegrity_lab.session_data.record import COLUMNS, Event, Line, Outcome, line_of, text_of
+from tensegrity_lab.terminal.leaving import uninterrupted
 
 LEDGER = "ledger.csv"
+HEADER = csv_row(COLUMNS)
 MOST_BYTES = 512_000_000
 """A million trials have half of it."""
 
@@ -84,8 +86,8 @@ def read_lines(path: Path) -> tuple[list[Line], int]:
         raise SessionError(str(error)) from error
     except OSError as error:
         raise SessionError(f"cannot read the ledger {path}: {error.strerror}; give the folder of a session") from error
-    if head != header_text():
-        raise SessionError(f"{path} is not a ledger of this version: its first line is {head[:60]!r}, not {header_text()[:60]!r}…")
+    if head != HEADER:
+        raise SessionError(f"{path} is not a ledger of this version: its first line is {head[:60]!r}, not {HEADER[:60]!r}…")
     lines, damaged = [], 0
     for text in rest:
         if not text:
@@ -123,7 +125,7 @@ class Ledger:
 
     def append_all(self, lines: Sequence[Line]) -> None:
         """Add lines at once; on return they are on the disk. Raises OSError."""
-        with _Whole(), self.path.open("r+b") as file:
+        with uninterrupted(again=True), self.path.open("r+b") as file:
             at = file.seek(0, os.SEEK_END)
             file.seek(at - 1)
             closing = b"" if file.read(1) == b"\n" else b"\n"
@@ -133,26 +135,10 @@ class Ledger:
             self.lines += lines
 
 
-class _Whole:
-    """An interruption waits until the lines are written: it comes before them or after them. Used in the main thread."""
-
-    SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-    def __enter__(self) -> None:
-        self._came: list[int] = []
-        self._old = {number: signal.signal(number, lambda number, frame: self._came.append(number)) for number in self.SIGNALS}
-
-    def __exit__(self, *details: object) -> None:
-        for number, handler in self._old.items():
-            signal.signal(number, handler)
-        for came in self._came:
-            signal.raise_signal(came)
-
-
 def _begin(path: Path) -> None:
     """The header, whole or not at all."""
     new = path.with_name(path.name + ".new")
-    write_durably(new, header_text() + "\n")
+    write_durably(new, HEADER + "\n")
     new.replace(path)
     sync_folder(path.parent)
 

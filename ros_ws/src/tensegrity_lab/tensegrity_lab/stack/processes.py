@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import FrameType
 from typing import Self
 
 from hardware_bridge.driver.child_process import bound
@@ -210,26 +209,6 @@ class IsolatedStack(Stack):
     def command(self, *words: str) -> Process:
         """Start a `sixstrut` command beside them."""
         return self.start(words[0], [sys.executable, "-m", "sixstrut_cli", *words])
-
-
-class Uninterrupted:
-    """Signals wait while things are being put away: a second Ctrl-C must not lose the bag.
-
-    Attributes:
-        interrupted: one came; who would go on with something else should end instead.
-    """
-
-    def __enter__(self) -> Uninterrupted:
-        self.interrupted = False
-        self._old = [signal.signal(number, self._remember) for number in (signal.SIGINT, signal.SIGTERM)]
-        return self
-
-    def _remember(self, _number: int, _frame: FrameType | None) -> None:
-        self.interrupted = True
-
-    def __exit__(self, *details: object) -> None:
-        for number, old in zip((signal.SIGINT, signal.SIGTERM), self._old, strict=True):
-            signal.signal(number, old)
 
 
 def wait_until(condition: Callable[[], object], limit_s: float, what: str, stack: Stack | None = None) -> None:

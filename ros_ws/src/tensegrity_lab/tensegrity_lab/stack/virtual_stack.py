@@ -18,9 +18,10 @@ from sim_core.dynamics.actuators import require_actuators
 from sim_core.gaits.library import load_library
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.topology import require_face
-from tensegrity_lab.stack.processes import Stack, Uninterrupted, wait_until
+from tensegrity_lab.stack.processes import Stack, wait_until
 from tensegrity_lab.stack.ros_domain import private_domain
 from tensegrity_lab.terminal.compile_notice import compile_first
+from tensegrity_lab.terminal.leaving import uninterrupted
 
 START_LIMIT_S = 180.0
 """The first time on a machine its kernels are compiled."""
@@ -168,5 +169,5 @@ def running(robot: VirtualRobot, name: str, told: Callable[[str], None], domain:
             robot.start(processes, Path(folder), travels=True)
             yield processes
         finally:
-            with Uninterrupted():
+            with uninterrupted():
                 processes.stop()

@@ -22,10 +22,11 @@ from sim_core.structure.symmetry import GROUP, carrier
 from sim_core.uncertainty.seeded_perturbation import LAW
 from tensegrity_lab.bags.replay import replay
 from tensegrity_lab.reports.figure import session_picture
-from tensegrity_lab.stack.processes import Stack, Uninterrupted
+from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.ros_domain import Domain, private_domain
 from tensegrity_lab.stack.virtual_stack import VirtualRobot
 from tensegrity_lab.studies.demo_route import next_face, walk
+from tensegrity_lab.terminal.leaving import uninterrupted
 
 ROLL_RUNS_S = 10.0
 """Robot time that a strut runs in a roll, at most: 45 mm there and back."""
@@ -91,7 +92,7 @@ class _Demo:
             stopped = True
             self.console.print("\nstopping: the struts are held, the bag is being closed")
         finally:
-            with Uninterrupted():
+            with uninterrupted():
                 codes = stack.stop()
         self._summary(codes, stopped, log_folder)
         bad = {name: code for name, code in codes.items() if code != 0}
@@ -121,7 +122,7 @@ class _Demo:
         finally:
             if operator.bridge is not None and operator.bridge.bag:  # the bridge may begin it after it was first heard
                 self.bag = Path(operator.bridge.bag)
-            with Uninterrupted():
+            with uninterrupted():
                 operator.close()
 
     def _rolls(self, operator: Any) -> None:

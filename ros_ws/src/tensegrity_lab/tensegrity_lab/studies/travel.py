@@ -17,10 +17,11 @@ from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from tensegrity_lab.bags.observed_path import observed_path
-from tensegrity_lab.stack.processes import Stack, Uninterrupted
+from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.ros_domain import private_domain
 from tensegrity_lab.stack.simulation_lag import LateOrders
 from tensegrity_lab.stack.virtual_stack import VirtualRobot
+from tensegrity_lab.terminal.leaving import uninterrupted
 
 ROLL_LIMIT_S, REST_LIMIT_S = 60.0, 1_300.0
 """Robot time that a roll may take, and all resting."""
@@ -111,9 +112,9 @@ def travel(
             with closing(ObserverClient(handshake.observer, late.saw)):
                 result, bag = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
         finally:
-            with Uninterrupted() as ending:
+            with uninterrupted() as came:
                 stack.stop()
-    if ending.interrupted:  # a study would go on with its next trip
+    if came:  # a study would go on with its next trip
         raise KeyboardInterrupt
     return Trip(
         goal_m,
@@ -167,7 +168,7 @@ def _operate(
         operator.disarm()
         return result, bag
     finally:
-        with Uninterrupted():
+        with uninterrupted():
             operator.close()
 
 

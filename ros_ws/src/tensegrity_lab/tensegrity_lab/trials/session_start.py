@@ -41,10 +41,10 @@ from tensegrity_lab.session_data.folder import (
 from tensegrity_lab.session_data.ledger import Ledger
 from tensegrity_lab.session_data.plan import Slot, chosen_gaits, chosen_primitives, due_of, make_plan
 from tensegrity_lab.session_data.record import Outcome
-from tensegrity_lab.stack.processes import Uninterrupted
 from tensegrity_lab.stack.ros_domain import Domain, private_domain, robot_domain
 from tensegrity_lab.terminal.compile_notice import compile_first
 from tensegrity_lab.terminal.keys import Keys, pressed, require_keyboard
+from tensegrity_lab.terminal.leaving import uninterrupted
 from tensegrity_lab.trials.judge import Hands, Observer, Person
 from tensegrity_lab.trials.panel import Lines, Live, Panel, duration_text
 from tensegrity_lab.trials.remote_panel import Mirrored, Remote
@@ -264,7 +264,7 @@ class _Run:
         except (KeyboardInterrupt, EOFError):
             self._console.print("left by you: struts held, the bag is being closed")
         finally:
-            with Uninterrupted():
+            with uninterrupted():
                 codes = lab.stop()
         for name, code in codes.items():
             if code != 0:
