@@ -126,7 +126,7 @@ def test_calibration_by_hand():
     assert told.brier == pytest.approx((0.01 + 0.81 + 0.16) / 3)
     assert told.expected == pytest.approx(2.2 / 3)
     assert told.observed == pytest.approx(1 / 3)
-    assert [(low, high, count) for low, high, count, _, _ in told.bins] == [(0.0, 0.5, 1), (0.9, 0.95, 2)]
+    assert [(one.low, one.high, one.rate.trials) for one in told.bins] == [(0.0, 0.5, 1), (0.9, 0.95, 2)]
     assert calibration([math.nan], [True]) is None
 
 

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 from scipy import stats
 
 from sim_core.errors import SimError
+from sim_core.studies.binomial_intervals import Rate, rate_of
 
 RESAMPLES = 9_999
 SEED = 20_230_401
@@ -73,9 +73,8 @@ def lilliefors(values: Sequence[float], seed: int = SEED) -> Normality | None:
     if len(x) < 4 or np.ptp(x) == 0.0:
         return None
     rng = np.random.default_rng(seed)
-    result = stats.monte_carlo_test(
-        x, lambda size: rng.standard_normal(size), _normal_distance, vectorized=True, n_resamples=RESAMPLES, alternative="greater"
-    )
+    how = {"vectorized": True, "n_resamples": RESAMPLES, "alternative": "greater"}
+    result = stats.monte_carlo_test(x, rng.standard_normal, _normal_distance, **how)
     return Normality(float(result.statistic), float(result.pvalue))
 
 
@@ -114,12 +113,8 @@ def two_kinds(strata: Sequence[int], first: Sequence[bool], wins: Sequence[bool]
     s, kind, won = np.asarray(strata), np.asarray(first, dtype=bool), np.asarray(wins, dtype=bool)
     excess, variance = _excess(s, kind, won)
     chi2 = float(excess**2 / variance) if variance > 0.0 else float("nan")
-    return TwoKinds(
-        chi2,
-        float(stats.chi2.sf(chi2, 1)),
-        (int(won[kind].sum()), int(won[~kind].sum())),
-        (int(kind.sum()), int((~kind).sum())),
-    )
+    counts = (int(won[kind].sum()), int(won[~kind].sum())), (int(kind.sum()), int((~kind).sum()))
+    return TwoKinds(chi2, float(stats.chi2.sf(chi2, 1)), *counts)
 
 
 def _excess(strata: NDArray[np.generic], chosen: NDArray[np.bool_], won: NDArray[np.bool_]) -> tuple[float, float]:
@@ -201,36 +196,46 @@ def bootstrap_by_prototype(prototypes: Sequence[int], wins: Sequence[bool], seed
     return Interval(float(low), float(high))
 
 
+class Bin(NamedTuple):
+    """Trials whose predicted probability is of one range: its bounds, the mean of the predictions, and what came."""
+
+    low: float
+    high: float
+    expected: float
+    rate: Rate
+
+
 class Calibration(NamedTuple):
     """How well probabilities predict outcomes.
 
     Attributes:
         brier: mean squared difference (0: perfect; 0.25: a coin).
         expected, observed: mean probability, share of successes.
-        bins: (low, high, trials, mean probability, share of successes) of every range of probabilities that has trials.
+        bins: every range of probabilities that has trials.
     """
 
     brier: float
     expected: float
     observed: float
-    bins: tuple[tuple[float, float, int, float, float], ...]
+    bins: tuple[Bin, ...]
 
 
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 
 
-def calibration(odds: Sequence[float], wins: Sequence[bool]) -> Calibration | None:
+def calibration(probabilities: Sequence[float], wins: Sequence[bool]) -> Calibration | None:
     """Compare predicted probabilities with outcomes (Brier 1950); trials without a prediction (NaN) are left out. None: all are."""
-    p, won = np.asarray(odds, dtype=float), np.asarray(wins, dtype=float)
+    p, won = np.asarray(probabilities, dtype=float), np.asarray(wins, dtype=bool)
     told = ~np.isnan(p)
     p, won = p[told], won[told]
     if not len(p):
         return None
+    places = np.clip(np.searchsorted(EDGES, p, side="right") - 1, 0, len(EDGES) - 2)
     bins = []
-    for low, high in pairwise(EDGES):
-        inside = (p >= low) & ((p < high) | (high == EDGES[-1]))
-        if inside.any():
-            bins.append((low, high, int(inside.sum()), float(p[inside].mean()), float(won[inside].mean())))
+    for place in np.unique(places):
+        own = places == place
+        rate = rate_of(int(won[own].sum()), int(own.sum()))
+        bins.append(Bin(EDGES[place], EDGES[place + 1], float(p[own].mean()), rate))
     return Calibration(float(((p - won) ** 2).mean()), float(p.mean()), float(won.mean()), tuple(bins))
 
 

@@ -25,6 +25,7 @@ _NUMBERS = re.compile(f"{_NUMBER}( {_NUMBER})*")
 _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 _MARKED = re.compile(r"'+[=+\-@\t\r]")
 Record = TypeVar("Record")
+_types: Any = cache(get_type_hints)
 
 
 def cells_of(record: object) -> dict[str, str]:
@@ -58,11 +59,6 @@ def record_of(kind: type[Record], cells: Mapping[str, str]) -> Record:
         except (KeyError, TypeError, ValueError) as error:
             raise SessionError(f"column {name} of a trial is {brief(cells.get(name))}: {printable(error, 80)}") from error
     return kind(**values)
-
-
-@cache
-def _types(kind: Any) -> dict[str, Any]:
-    return get_type_hints(kind)
 
 
 def _cell(value: object) -> str:

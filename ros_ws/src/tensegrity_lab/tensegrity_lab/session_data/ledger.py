@@ -42,6 +42,11 @@ class Standing:
         """Successes and failures, in order."""
         return [line for line in self.trials.values() if line.outcome is not Outcome.VOID]
 
+    @property
+    def successes(self) -> int:
+        """How many of them succeeded."""
+        return sum(line.outcome is Outcome.SUCCESS for line in self.valid)
+
     def done(self) -> set[tuple[str, str, str, int]]:
         """Gaits (primitive, source, target, repetition) that need no trial any more."""
         return {line.gait for line in self.valid}

@@ -128,6 +128,7 @@ class Stack:
 
     Attributes:
         folder: of their logs.
+        codes: exit codes by name of those that were stopped.
     """
 
     def __init__(self, folder: Path, *locks: int, environ: Mapping[str, str] | None = None, work_folder: Path | None = None):
@@ -143,6 +144,7 @@ class Stack:
         folder.mkdir(parents=True, exist_ok=True)
         self._locks, self._environ, self._work_folder = locks, environ or {}, work_folder
         self._started: list[Process] = []
+        self.codes: dict[str, int] = {}
 
     def start(self, name: str, command: Sequence[str | Path], environ: Mapping[str, str] | None = None) -> Process:
         """Start a process; its output goes to <folder>/<name>.log. Args: environ: beside the stack's."""
@@ -166,19 +168,18 @@ class Stack:
             process.require_alive()
 
     def stop(self) -> dict[str, int]:
-        """SIGINT to each, last started first, and wait; SIGKILL after a limit. Returns exit codes by name; safe to call twice."""
-        codes = {}
+        """SIGINT to each, last started first, and wait; SIGKILL after a limit. Returns `codes`; safe to call twice."""
         for process in reversed(self._started):
             if process.code is None:
                 process.signal(signal.SIGINT)
             try:
-                codes[process.name] = process.ends()
+                self.codes[process.name] = process.ends()
             except StackError:
                 process.kill()
-                codes[process.name] = process.ends()
+                self.codes[process.name] = process.ends()
                 print(f"warning: {process.name} did not end within {STOP_LIMIT_S:g} s and was killed")
         self._started.clear()
-        return codes
+        return self.codes
 
     def kill(self) -> None:
         """End all at once."""

@@ -42,7 +42,7 @@ class Domain(NamedTuple):
     locks: tuple[int, ...]
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """For people: how to look on."""
         return f"export {VARIABLE}={self.number}   # to join with ros2 and RViz"
 

@@ -58,21 +58,7 @@ def session_of(
     chosen = chosen_gaits(chosen_primitives(library, primitives), gaits)
     listed = [NamedGait(gait.name, gait.source, gait.target, gait.policy) for gait in chosen]
     plan = make_plan(chosen, verdicts(nominal, listed), FaceGraph(library, load_odds(library)), 1, seed)
-    robot = f"virtual prototype, seed {seed}, ±{100 * perturbation:g} %, actuators {IDEAL}"
-    folder = begin_session(path, settings_of(path, library, primitives, gaits, robot, perturbation, seed, COMPUTED), plan, library)
-    jobs = [Job(0, slot.source, checked_policy(slot.policy_mm, 10_000), slot.target) for slot in plan]
-    results = Batch([perturb(nominal, perturbation, seed)]).run(jobs, report)
-    Ledger(path).append_all(
-        [line for n, (s, r) in enumerate(zip(plan, results, strict=True), 1) for line in _lines(folder, n, s, r)]
-    )
-    return folder
-
-
-def settings_of(
-    path: Path, library: Library, primitives: str, gaits: str, robot: str, perturbation: float, seed: int, computed: str
-) -> Settings:
-    """A session's settings: of a virtual prototype with ideal actuators."""
-    return Settings(
+    settings = Settings(
         name=path.resolve().name,
         created=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         library=library.name,
@@ -81,13 +67,19 @@ def settings_of(
         gaits=gaits,
         repeats=1,
         order_seed=seed,
-        robot=robot,
+        robot=f"virtual prototype, seed {seed}, ±{100 * perturbation:g} %, actuators {IDEAL}",
         virtual_robot=True,
         perturbation=perturbation,
         seed=seed,
         actuators=IDEAL,
-        computed=computed,
+        computed=COMPUTED,
     )
+    folder = begin_session(path, settings, plan, library)
+    jobs = [Job(0, slot.source, checked_policy(slot.policy_mm, 10_000), slot.target) for slot in plan]
+    results = Batch([perturb(nominal, perturbation, seed)]).run(jobs, report)
+    trials = zip(plan, results, strict=True)
+    Ledger(path).append_all([line for n, (slot, result) in enumerate(trials, 1) for line in _lines(folder, n, slot, result)])
+    return folder
 
 
 def _lines(folder: SessionFolder, number: int, slot: Slot, result: RollResult) -> Sequence[Line]:

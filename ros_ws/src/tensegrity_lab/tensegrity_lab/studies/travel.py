@@ -3,12 +3,9 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from hardware_bridge.prototype_client.observer_client import ObserverClient
@@ -18,9 +15,8 @@ from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from tensegrity_lab.bags.observed_path import observed_path
 from tensegrity_lab.stack.processes import Stack
-from tensegrity_lab.stack.ros_domain import private_domain
 from tensegrity_lab.stack.simulation_lag import LateOrders
-from tensegrity_lab.stack.virtual_stack import VirtualRobot
+from tensegrity_lab.stack.virtual_stack import VirtualRobot, running
 from tensegrity_lab.terminal.leaving import uninterrupted
 
 ROLL_LIMIT_S, REST_LIMIT_S = 60.0, 1_300.0
@@ -75,7 +71,6 @@ class Trip:
 def travel(
     robot: VirtualRobot,
     goal_m: tuple[float, float],
-    folder: Path,
     tell: Callable[[str], None],
     reach_m: float = 0.0,
     most_rolls: int = 0,
@@ -88,11 +83,10 @@ def travel(
     Args:
         robot: the virtual robot and its stack.
         goal_m: (x, y) on the floor, in [m].
-        folder: for links and state.
         tell: told what goes on.
         reach_m: how near is there, in [m]; 0: the traveller's own.
         most_rolls: rolls after which it gives up; 0: the traveller's own.
-        use_odds: plan by the library's odds; else all gaits count alike.
+        use_odds: plan by the library's probabilities; else all gaits count alike.
         domain: of ROS; None: any that is free.
         say: told a line for people that is to stay.
 
@@ -100,43 +94,17 @@ def travel(
         StackError: the stack does not come up, or a process of it dies.
         KeyboardInterrupt: with the struts held and the bag closed.
     """
-    robot.require()
-    robot.bags.mkdir(parents=True, exist_ok=True)
     late = LateOrders()
-    with private_domain(domain) as own:
-        say(own.words)
-        tell("starting virtual prototype, bridge, planner, traveller and twin")
-        stack = Stack(robot.bags / "logs" / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}", *own.locks)
-        try:
-            handshake = robot.start(stack, folder, travels=True, planner=[("use_odds", use_odds)])
-            with closing(ObserverClient(handshake.observer, late.saw)):
-                result, bag = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
-        finally:
-            with uninterrupted() as came:
-                stack.stop()
-    if came:  # a study would go on with its next trip
-        raise KeyboardInterrupt
-    return Trip(
-        goal_m,
-        robot.library,
-        use_odds,
-        robot.seed,
-        robot.incline_deg,
-        robot.perturbation,
-        bool(result.success),
-        str(result.reason),
-        int(result.rolls),
-        int(result.missed),
-        float(result.left_m),
-        float(result.path_m),
-        float(result.straight_m),
-        float(result.duration_s),
-        tuple(result.face_sequence),
-        late.worst_s,
-        robot.time_scale,
-        _places(bag),
-        bag,
-    )
+    tell("starting virtual prototype, bridge, planner, traveller and twin")
+    with (
+        running(robot, "travel", say, domain, {"use_odds": use_odds}) as (stack, handshake),
+        closing(ObserverClient(handshake.observer, late.saw)),
+    ):
+        result, bag = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
+    known = goal_m, robot.library, use_odds, robot.seed, robot.incline_deg, robot.perturbation
+    end = bool(result.success), str(result.reason), int(result.rolls), int(result.missed)
+    ways = float(result.left_m), float(result.path_m), float(result.straight_m), float(result.duration_s)
+    return Trip(*known, *end, *ways, tuple(result.face_sequence), late.worst_s, robot.time_scale, _places(bag), bag)
 
 
 def _operate(
@@ -149,6 +117,7 @@ def _operate(
     most_rolls: int,
     tell: Callable[[str], None],
 ) -> tuple[Any, str]:
+    """The action's result, and the bag."""
     from tensegrity_lab.stack.client import StackClient  # rclpy: only once the processes are on their way
 
     operator = StackClient(stack, prototype)

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -133,8 +132,7 @@ def study(
 
 
 def _trip(robot: VirtualRobot, case: Case, tell: Callable[[str], None]) -> Trip:
-    with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links:
-        return travel(robot, case.goal_m, Path(links), tell, use_odds=case.use_odds)
+    return travel(robot, case.goal_m, tell, use_odds=case.use_odds)
 
 
 SUMMARY = ("ground", "traveller", "arrived", "rolls", "missed", "rolls of an arrival", "rolling time of an arrival", "path ratio")

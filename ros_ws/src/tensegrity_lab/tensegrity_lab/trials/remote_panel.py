@@ -13,11 +13,10 @@ import os
 import secrets
 import threading
 from dataclasses import asdict
-from types import TracebackType
 from typing import Any
 
 from tensegrity_lab.terminal.keys import ENTER
-from tensegrity_lab.trials.panel import Panel, Shown
+from tensegrity_lab.trials.panel import Shown
 
 _BYTES = {ENTER: b"\r"}
 KNOWN = frozenset("yvnuqpm0123456789")
@@ -112,26 +111,3 @@ class Remote:
         rclpy.try_shutdown(context=self._context)
         os.close(self._keys_to)
         os.close(self.keys_from)
-
-
-class Mirrored:
-    """A panel that is also shown elsewhere."""
-
-    def __init__(self, panel: Any, remote: Remote):
-        self._panel, self._remote = panel, remote
-
-    def __enter__(self) -> Panel:
-        self._panel.__enter__()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._panel.__exit__(kind, error, trace)
-
-    def show(self, **changes: Any) -> None:
-        """See Panel."""
-        self._panel.show(**changes)
-        self._remote.show(self._panel.shown)
-
-    def line(self, text: str) -> None:
-        """See Panel."""
-        self._panel.line(text)

@@ -40,9 +40,12 @@ class Hardware:
     """How the robot is reached; may differ from start to start of a session.
 
     Attributes:
-        port: device or URL; empty: a virtual prototype is started. calibration: YAML; empty: the virtual prototype's.
-        board, baud: of the servo board. time_scale: of a virtual prototype. observed: somebody or something else tells faces.
+        port: device or URL; empty: a virtual prototype is started.
+        board, baud: of the servo board.
+        calibration: YAML; empty: the virtual prototype's.
+        time_scale: of a virtual prototype.
         rested_s, silent_board: the operator's words to the bridge, see its parameters; the first is said of the first start.
+        observed: something else than a person tells faces.
     """
 
     port: str
@@ -50,9 +53,9 @@ class Hardware:
     baud: int
     calibration: str
     time_scale: float
-    observed: bool
-    rested_s: float = 0.0
-    silent_board: bool = False
+    rested_s: float
+    silent_board: bool
+    observed: bool = False
 
 
 class Rolled(NamedTuple):

@@ -268,10 +268,10 @@ class Session:
         self._panel.show(phase=f"{feedback.phase}, {100 * feedback.progress:.0f} %")
 
     def _progress(self, due: list[Slot]) -> dict[str, Any]:
-        valid = self._ledger.standing().valid
+        standing = self._ledger.standing()
         elapsed_s = time.monotonic() - self._began_s if self._began_s else 0.0
         left_s = elapsed_s / self._tried * len(due) if self._tried >= 5 else max(0.0, self._forecast_s - elapsed_s)
-        return {"done": len(valid), "successes": sum(line.outcome is Outcome.SUCCESS for line in valid), "left_s": left_s}
+        return {"done": len(standing.valid), "successes": standing.successes, "left_s": left_s}
 
     def _tell(self, line: Line) -> None:
         due = due_of(self._folder.plan, self._ledger.standing().done())

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli.options import JsonOption, PrototypeOption, announce
-from tensegrity_lab.bags.rolls import Outcome, outcomes_of
+from tensegrity_lab.bags.rolls import Attempt, attempts_of
 
 
 def command(
@@ -94,11 +94,11 @@ def command(
         typer.echo("no gait of the list was tried in the bags")
 
 
-def _tries_in_bags(bags: Sequence[Path], mid_stroke_m: float) -> list[Outcome]:
+def _tries_in_bags(bags: Sequence[Path], mid_stroke_m: float) -> list[Attempt]:
     from hardware_bridge.recording.bag_reader import read_session
     from hardware_bridge.recording.bag_types import TOPICS
 
-    return [outcome for path in bags for outcome in outcomes_of(read_session(path, topics=TOPICS), mid_stroke_m)]
+    return [outcome for path in bags for outcome in attempts_of(read_session(path, topics=TOPICS), mid_stroke_m)]
 
 
 def _word(feasible: bool) -> str:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -89,10 +88,9 @@ def command(
     from tensegrity_lab.studies.travel_plot import travel_picture
 
     console = Console(stderr=True, highlight=False, soft_wrap=True)
-    console.print(robot.words)
     robot.compile()
-    with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links, console.status("starting") as status:
-        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds, domain, console.print)
+    with console.status("starting") as status:
+        trip = travel(robot, goal_m, status.update, reach, most_rolls, not ignore_odds, domain, console.print)
     picture = Path(trip.bag).with_suffix(".png")
     travel_picture(trip, picture)
     if as_json:
