@@ -78,18 +78,15 @@ class Replay:
     origin_s: float = 0.0
 
 
-def prototype_in(data: bytes, path: Path) -> Prototype:
-    """The prototype that is attached to a bag. Raises ParameterError, YamlError."""
-    where = f"{path}: prototype.yaml"
-    return parse_prototype(parse_yaml(data, where), where)
+def prototype_of(session: Session) -> Prototype:
+    """The prototype that is attached to a bag; the nominal one if none is. Raises ParameterError, YamlError."""
+    data, where = session.attachments.get("prototype.yaml"), f"{session.path}: prototype.yaml"
+    return load_prototype() if data is None else parse_prototype(parse_yaml(data, where), where)
 
 
 def model_of(session: Session) -> Model:
-    """The model whose parameters the bag holds; the nominal one if it holds none."""
-    data = session.attachments.get("prototype.yaml")
-    if data is None:
-        return build_model(load_prototype())
-    return build_model(prototype_in(data, session.path))
+    """The model whose parameters the bag holds. Raises as `prototype_of`."""
+    return build_model(prototype_of(session))
 
 
 def require_same_model(session: Session, model: Model) -> None:

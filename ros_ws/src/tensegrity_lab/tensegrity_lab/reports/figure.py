@@ -32,6 +32,22 @@ def new_figure(width_in: float, height_in: float) -> Any:
     return plt.figure(figsize=(width_in, height_in), layout="constrained")
 
 
+def halo() -> Any:
+    """White around letters."""
+    from matplotlib.patheffects import withStroke
+
+    return withStroke(linewidth=2.5, foreground="white", alpha=0.8)
+
+
+def label_beside(axes: Any, points: np.ndarray, texts: Sequence[str]) -> None:
+    """Texts beside a path, at points of it, (n, 2)."""
+    way = np.gradient(points, axis=0) if len(points) > 1 else np.ones((len(points), 2))
+    for point, (dx, dy), text in zip(points, way, texts, strict=True):
+        aside = 14.0 * np.array([-dy, dx]) / (np.hypot(dx, dy) or 1.0)
+        style = {"ha": "center", "va": "center", "fontsize": "small", "path_effects": [halo()]}
+        axes.annotate(text, point, xytext=aside, textcoords="offset points", **style)
+
+
 def draw_robot(axes: Any, joints_m: np.ndarray, box_m: np.ndarray) -> None:
     """Struts, tendons and box on 3D axes, equal scales."""
     for a, b in TENDONS:
@@ -113,10 +129,9 @@ def session_picture(session: Session, replay: Replay, path: Path) -> None:
     if len(seen):
         floor.plot(1e3 * seen[:, 0], 1e3 * seen[:, 1], color=RED, lw=1.5, ls="--", label="virtual prototype")
     stood = [next(checks) for _, checks in groupby(replay.faces, lambda check: check.observed)]
-    for check in stood:
-        at = twin[np.searchsorted(twin_t, check.time_s).clip(0, len(twin) - 1)]
-        floor.plot(1e3 * at[0], 1e3 * at[1], "o", color="black", ms=5)
-        floor.annotate(check.observed or "no face", 1e3 * at[:2], xytext=(6, 6), textcoords="offset points")
+    places = twin[np.searchsorted(twin_t, [check.time_s for check in stood]).clip(0, len(twin) - 1), :2]
+    floor.plot(*(1e3 * places.T), "o", color="black", ms=5)
+    label_beside(floor, 1e3 * places, [check.observed or "no face" for check in stood])
     floor.set_aspect("equal", adjustable="datalim")
     floor.margins(0.15)
     floor.grid(color="0.9")

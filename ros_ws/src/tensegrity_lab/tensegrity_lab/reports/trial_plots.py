@@ -25,9 +25,9 @@ def figure_8(groups: Sequence[Group], path: Path) -> None:
     for row, (group, color) in enumerate(zip(groups, (BLUE, ORANGE), strict=False)):
         axes = figure.add_subplot(grid[row, 0])
         places = np.arange(len(group.names))
-        draw_rates(axes, places, group.rates, color)
+        draw_rates(axes, places, group.rates, color, 0.8 * min(1.0, len(places) / 12))
         axes.set_xticks(places, group.names, rotation=90, fontsize="small")
-        axes.set(xlim=(-0.6, max(12, len(places)) - 0.4), ylabel="success rate (%)")
+        axes.set(xlim=(-0.6, len(places) - 0.4), ylabel="success rate (%)")
         axes.set_title(f"{group.title}: {group.counts.words}", loc="left", fontsize="medium")
     _distributions(figure.add_subplot(grid[:, 1]), groups)
     figure.savefig(path, dpi=110)

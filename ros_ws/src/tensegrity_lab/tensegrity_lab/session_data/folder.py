@@ -60,6 +60,16 @@ class Settings:
     computed: str = ""
 
 
+def virtual_robot_text(seed: int, perturbation: float, actuators: str) -> str:
+    """Which virtual prototype it is: a session's `robot`."""
+    return f"virtual prototype, seed {seed}, ±{100 * perturbation:g} %, actuators {actuators}"
+
+
+def now_text() -> str:
+    """A session's `created`."""
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+
+
 @dataclass(frozen=True)
 class SessionFolder:
     """A session that has begun.

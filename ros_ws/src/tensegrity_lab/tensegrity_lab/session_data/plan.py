@@ -11,11 +11,14 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
+from sim_core.dynamics.model import Model
 from sim_core.errors import SimError
 from sim_core.gaits.library import Gait, Library, Primitive, gait_of
+from sim_core.gaits.success_probability import load_odds
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.structure.symmetry import class_of, rolls_of
 from sim_core.structure.topology import require_adjacent
+from sim_core.studies.model_agreement import NamedGait, verdicts
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.csv_tables import csv_row, record_of
 
@@ -109,6 +112,12 @@ def chosen_gaits(primitives: Iterable[Primitive], words: str) -> list[Gait]:
             raise SessionError(f"--gaits {words!r}: none of the chosen primitives rolls {word}: they are of the other class")
         gaits += [gait_of(p, source, target) for p in able]
     return list({gait.name: gait for gait in gaits}.values())
+
+
+def planned(gaits: Sequence[Gait], library: Library, nominal: Model, repeats: int, seed: int) -> list[Slot]:
+    """A plan of a library's gaits, each with what the nominal model and the library's counts predict."""
+    listed = [NamedGait(gait.name, gait.source, gait.target, gait.policy) for gait in gaits]
+    return make_plan(gaits, verdicts(nominal, listed), FaceGraph(library, load_odds(library)), repeats, seed)
 
 
 def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph, repeats: int, seed: int) -> list[Slot]:

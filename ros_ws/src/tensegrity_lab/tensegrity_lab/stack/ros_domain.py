@@ -62,7 +62,7 @@ def private_domain(wanted: int | None = None) -> Iterator[Domain]:
     """
     if wanted is not None and not 0 <= wanted <= HIGHEST:
         raise StackError(f"ROS domain {wanted}: valid is 0 to {HIGHEST}")
-    with _environment(VARIABLE, RANGE, *WIDER):
+    with _environment():
         for name in WIDER:
             os.environ.pop(name, None)
         os.environ[RANGE] = "LOCALHOST"
@@ -84,7 +84,7 @@ def robot_domain(wanted: int | None = None) -> Iterator[Domain]:
             yield own
         return
     require_no_bridge(number)
-    with _environment(VARIABLE):
+    with _environment():
         os.environ[VARIABLE] = str(number)
         yield Domain(number, ())
 
@@ -116,17 +116,16 @@ def require_no_bridge(number: int) -> None:
 
 
 @contextmanager
-def _environment(*names: str) -> Iterator[None]:
-    """These variables are as before when the block is over."""
-    before = {name: os.environ.get(name) for name in names}
+def _environment() -> Iterator[None]:
+    """The environment is as before when the block is over."""
+    before = dict(os.environ)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in (VARIABLE, RANGE, *WIDER):
+            os.environ.pop(name, None)
+            if name in before:
+                os.environ[name] = before[name]
 
 
 def _free() -> tuple[socket.socket, int]:
@@ -172,16 +171,13 @@ def _inhabited() -> set[int]:
 
 def _bridges(number: int) -> list[str]:
     """Names of topics that a bridge in a domain offers."""
-    import rclpy
-    from rclpy.context import Context
     from rclpy.node import Node
-    from rclpy.signals import SignalHandlerOptions
 
+    from tensegrity_lab.stack.ros_thread import own_context
     from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
 
     os.environ.update(discovery_changes(os.environ, loopback_profile()))
-    context = Context()
-    rclpy.init(context=context, domain_id=number, signal_handler_options=SignalHandlerOptions.NO)
+    context = own_context(number)
     node = Node("sixstrut_looks", context=context)
     until, found = time.monotonic() + LOOK_S, list[str]()
     try:

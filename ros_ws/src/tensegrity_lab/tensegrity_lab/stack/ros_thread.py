@@ -3,12 +3,26 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import traceback
 
+import rclpy
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+
+
+def own_context(domain: int | None = None) -> Context:
+    """A context of this program's own, which keeps its signals. `domain`: None: the shell's, found as the nodes find each other."""
+    if domain is None:
+        os.environ.update(discovery_changes(os.environ, loopback_profile()))
+    context = Context()
+    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    return context
 
 
 class Spinner:

@@ -99,6 +99,19 @@ class VirtualRobot:
             f"(seed {self.seed}){ground}; {pace}; every roll here is virtual"
         )
 
+    def start_prototype(self, stack: Stack, link: Path) -> Handshake:
+        """Start the virtual prototype alone, its pty linked there. Raises StackError: it does not come up."""
+        words = {
+            "face": self.face,
+            "seed": self.seed,
+            "perturbation": self.perturbation,
+            "incline": self.incline_deg,
+            "time-scale": self.time_scale,
+            "board": self.board,
+            "actuators": self.actuators,
+        }
+        return start_prototype(stack, link, words)
+
     def start(self, stack: Stack, folder: Path, traveller: Mapping[str, Any] | None) -> Handshake:
         """Start the processes; the link and the bridge's state are in `folder`. Nothing but this prototype can be armed by them.
 
@@ -113,17 +126,8 @@ class VirtualRobot:
         Raises:
             StackError: the virtual prototype does not come up.
         """
-        words = {
-            "face": self.face,
-            "seed": self.seed,
-            "perturbation": self.perturbation,
-            "incline": self.incline_deg,
-            "time-scale": self.time_scale,
-            "board": self.board,
-            "actuators": self.actuators,
-        }
         link = folder / "prototype"
-        handshake = start_prototype(stack, link, words)
+        handshake = self.start_prototype(stack, link)
         stack.node("twin", start_face=self.face)
         stack.node("gait_planner", library=self.library, prototype=handshake.instance)
         if traveller is not None:

@@ -8,6 +8,8 @@ from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from hardware_bridge.prototype_client.observer_client import ObserverClient
 from hardware_bridge.recording.bag_reader import read_session
 from hardware_bridge.recording.bag_types import TOPICS
@@ -39,6 +41,7 @@ class Trip:
         places_m: where that was seen, (n, 2).
         seed, incline_deg, perturbation: of the robot.
         bag: file.
+        stands: faces that it was seen at rest on, each with (x, y) of its centre in [m].
     """
 
     goal_m: tuple[float, float]
@@ -60,6 +63,7 @@ class Trip:
     time_scale: float
     places_m: tuple[tuple[float, float], ...]
     bag: str
+    stands: tuple[tuple[str, float, float], ...] = ()
 
     @property
     def ratio(self) -> float:
@@ -104,7 +108,8 @@ def travel(
     known = goal_m, robot.library, use_odds, robot.seed, robot.incline_deg, robot.perturbation
     end = bool(result.success), str(result.reason), int(result.rolls), int(result.missed)
     ways = float(result.left_m), float(result.path_m), float(result.straight_m), float(result.duration_s)
-    return Trip(*known, *end, *ways, tuple(result.face_sequence), late.worst_s, robot.time_scale, _places(bag), bag)
+    places_m, stands = _seen(bag)
+    return Trip(*known, *end, *ways, tuple(result.face_sequence), late.worst_s, robot.time_scale, places_m, bag, stands)
 
 
 def _operate(
@@ -141,9 +146,14 @@ def _operate(
             operator.close()
 
 
-def _places(bag: str) -> tuple[tuple[float, float], ...]:
-    """Where the observer saw the robot's centre, thinned out."""
-    _, joints = observed_path(read_session(bag, topics=TOPICS), 0.0)
-    centers = joints.mean(axis=1)[:, :2].tolist() if len(joints) else []
-    thin = max(1, len(centers) // POINTS)
-    return tuple((round(x, 4), round(y, 4)) for x, y in centers[::thin])
+def _seen(bag: str) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[str, float, float], ...]]:
+    """Where the observer saw the robot's centre, thinned out; and where it stood on which face."""
+    session = read_session(bag, topics=TOPICS)
+    times_s, joints = observed_path(session, 0.0)
+    centers = joints.mean(axis=1)[:, :2].round(4).tolist()
+    stands: list[tuple[str, float, float]] = []
+    for told in session.of("bridge/face") if centers else ():
+        if told.settled and told.face and (not stands or told.face != stands[-1][0]):
+            x, y = centers[min(int(np.searchsorted(times_s, told.robot_time_ns / 1e9)), len(centers) - 1)]
+            stands.append((str(told.face), x, y))
+    return tuple((x, y) for x, y in centers[:: max(1, len(centers) // POINTS)]), tuple(stands)

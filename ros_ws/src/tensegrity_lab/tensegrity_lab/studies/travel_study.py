@@ -90,7 +90,8 @@ def read_trips(folder: Path) -> dict[Key, Trip]:
         number = row.pop("number")
         for name in ("goal_m", "faces"):
             row[name] = tuple(row[name])
-        row["places_m"] = tuple((x, y) for x, y in row["places_m"])
+        for name in ("places_m", "stands"):
+            row[name] = tuple(map(tuple, row.get(name, ())))
         trip = Trip(**row)
         found[number, trip.incline_deg, trip.library, trip.use_odds] = trip
     return found

@@ -32,12 +32,10 @@ def key_text(key: str, panel: str) -> str:
 def key_of(text: str) -> tuple[str, str]:
     """Key and panel's id of what was published; empty texts: it is no such message."""
     try:
-        told = json.loads(text) if len(text) <= LONGEST else None
-    except (ValueError, RecursionError):
-        told = None
-    if not isinstance(told, dict):
+        told: Any = json.loads(text if len(text) <= LONGEST else "null")
+        key, panel = told["key"], told["panel"]
+    except (ValueError, RecursionError, KeyError, TypeError):
         return "", ""
-    key, panel = told.get("key"), told.get("panel")
     return (key, panel) if isinstance(key, str) and isinstance(panel, str) else ("", "")
 
 
@@ -49,25 +47,19 @@ class Remote:
     """
 
     def __init__(self) -> None:
-        import rclpy
-        from rclpy.context import Context
         from rclpy.node import Node
-        from rclpy.signals import SignalHandlerOptions
         from std_msgs.msg import String
 
-        from tensegrity_lab.stack.ros_thread import Spinner
-        from tensegrity_robot.ros.discovery import discovery_changes, loopback_profile
+        from tensegrity_lab.stack.ros_thread import Spinner, own_context
         from tensegrity_robot.ros.topics import TRIAL_KEY, TRIAL_PANEL
 
-        os.environ.update(discovery_changes(os.environ, loopback_profile()))
         self.keys_from, self._keys_to = os.pipe()
         self._string, self._key_topic = String, TRIAL_KEY.name
         self._lock = threading.Lock()
         self._shown: Shown | None = None
         self._id = ""
         self._warned = False
-        self._context = Context()
-        rclpy.init(context=self._context, signal_handler_options=SignalHandlerOptions.NO)
+        self._context = own_context()
         self._node = Node("sixstrut_trial", context=self._context)
         self._panel = TRIAL_PANEL.publisher(self._node)
         TRIAL_KEY.subscribe(self._node, self._on_key)
@@ -102,12 +94,11 @@ class Remote:
 
     def close(self) -> None:
         """Say that the session is over, and leave ROS."""
-        import rclpy
         from rclpy.duration import Duration
 
         self.show(None)
         self._panel.wait_for_all_acked(Duration(seconds=1.0))
         self._spinner.close()
-        rclpy.try_shutdown(context=self._context)
+        self._context.try_shutdown()
         os.close(self._keys_to)
         os.close(self.keys_from)

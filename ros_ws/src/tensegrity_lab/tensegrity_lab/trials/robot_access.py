@@ -24,7 +24,7 @@ from tensegrity_lab.session_data.folder import LIBRARY, LOGS, SessionFolder
 from tensegrity_lab.session_data.record import Line
 from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
-from tensegrity_lab.stack.virtual_stack import start_prototype
+from tensegrity_lab.stack.virtual_stack import VirtualRobot
 
 ROLL_LIMIT_S = 150.0
 """Robot time that one roll may take, all motions and all settlings."""
@@ -130,18 +130,11 @@ class RobotAccess:
             self._eye = ObserverClient(meant.observer, self._late.saw)
 
     def _start_prototype(self, stack: Stack, face: str) -> tuple[str, Handshake]:
-        settings = self._session.settings
+        settings, hardware = self._session.settings, self._hardware
         self._links = Path(tempfile.mkdtemp(prefix="sixstrut-trial-"))  # short: a socket's path has at most 107 bytes
         link = self._links / "prototype"
-        words = {
-            "face": face,
-            "seed": settings.seed,
-            "perturbation": settings.perturbation,
-            "time-scale": self._hardware.time_scale,
-            "board": self._hardware.board,
-            "actuators": settings.actuators,
-        }
-        return str(link), start_prototype(stack, link, words)
+        robot = VirtualRobot(face, settings.seed, settings.perturbation, hardware.time_scale, hardware.board, settings.actuators)
+        return str(link), robot.start_prototype(stack, link)
 
     def stop(self) -> dict[str, int]:
         """End client and processes in order; exit codes by name. Safe to call twice."""
@@ -243,12 +236,7 @@ class RobotAccess:
 
     def rest(self, needed_s: float, watch: Callable[[], None]) -> None:
         """Until every strut may run for so long (robot time). Raises StackError: the duty window is over and it still may not."""
-
-        def rested() -> bool:
-            watch()
-            return bool(self.operator.bridge.duty_left_s >= needed_s)
-
-        self.operator.wait(rested, "the actuators' rest", 30.0 + 700.0 / self.scale)
+        self.operator.wait_for_duty(needed_s, 30.0 + 700.0 / self.scale, watch)
 
     def slow_down(self) -> bool:
         """At half the time scale from the next start on, if the last roll's orders came too late; False: no need, or no way."""

@@ -25,7 +25,6 @@ from sim_core.gaits.success_probability import load_odds
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.parameters import load_prototype
-from sim_core.studies.model_agreement import NamedGait, verdicts
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.folder import (
     SessionFolder,
@@ -33,12 +32,14 @@ from tensegrity_lab.session_data.folder import (
     begin_session,
     is_session,
     locked,
+    now_text,
     open_session,
     require_free,
     require_same,
+    virtual_robot_text,
 )
 from tensegrity_lab.session_data.ledger import Ledger
-from tensegrity_lab.session_data.plan import Slot, chosen_gaits, chosen_primitives, due_of, make_plan
+from tensegrity_lab.session_data.plan import Slot, chosen_gaits, chosen_primitives, due_of, planned
 from tensegrity_lab.stack.ros_domain import Domain, private_domain, robot_domain
 from tensegrity_lab.terminal.compile_notice import compile_first
 from tensegrity_lab.terminal.keys import Keys, pressed, require_keyboard
@@ -139,10 +140,7 @@ def _planned(asked: TrialRequest, path: Path, console: Console) -> tuple[Setting
     if asked.virtual:
         chosen = {**VIRTUAL_DEFAULTS, **chosen}
         require_actuators(chosen["actuators"])
-        chosen.setdefault(
-            "robot",
-            f"virtual prototype, seed {chosen['seed']}, ±{100 * chosen['perturbation']:g} %, actuators {chosen['actuators']}",
-        )
+        chosen.setdefault("robot", virtual_robot_text(chosen["seed"], chosen["perturbation"], chosen["actuators"]))
     else:
         wrong = [name for name in VIRTUAL_DEFAULTS if name in given]
         if wrong:
@@ -154,13 +152,10 @@ def _planned(asked: TrialRequest, path: Path, console: Console) -> tuple[Setting
     gaits = chosen_gaits(chosen_primitives(library, chosen["primitives"]), chosen["gaits"])
     compile_first(Stage.BATCH)
     with console.status(f"predicting {len(gaits)} gaits with the nominal model"):
-        listed = [NamedGait(gait.name, gait.source, gait.target, gait.policy) for gait in gaits]
-        predicted = verdicts(build_model(load_prototype()), listed)
-    graph = FaceGraph(library, load_odds(library))
-    plan = make_plan(gaits, predicted, graph, chosen["repeats"], chosen["order_seed"])
+        plan = planned(gaits, library, build_model(load_prototype()), chosen["repeats"], chosen["order_seed"])
     settings = Settings(
         name=path.resolve().name,
-        created=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        created=now_text(),
         library=library.name,
         library_hash=library.hash,
         virtual_robot=virtual,
@@ -236,9 +231,7 @@ class _Run:
                     show(f"in the browser: ROS_DOMAIN_ID={domain.number} ./sixstrut console")
                 stack.enter_context(panel)
                 hands = self._hands(keys, panel)
-                session = Session(
-                    folder, self._ledger, lab, hands, panel, asked.experimenter, self._speed_m_s, keys, forecast_s
-                )  # fmt: skip
+                session = Session(folder, self._ledger, lab, hands, panel, asked.experimenter, self._speed_m_s, keys, forecast_s)
                 if isinstance(hands, Person):
                     hands.undo = session.undo
                 session.run()
