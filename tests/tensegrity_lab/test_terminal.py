@@ -10,8 +10,9 @@ import time
 import pytest
 
 from sim_core import build_model, load_prototype
-from tensegrity_lab.terminal.forecast import about, say_forecast
+from tensegrity_lab.terminal.forecast import say_forecast
 from tensegrity_lab.terminal.leaving import leaves_at_once, uninterrupted
+from tensegrity_lab.terminal.progress import duration_text
 
 COMPUTES = """
 import sys
@@ -45,9 +46,11 @@ def test_outside_of_long_work_ctrl_c_is_what_it_was():
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.parametrize(("seconds", "text"), [(1, "5 s"), (42, "40 s"), (89, "90 s"), (300, "5 min"), (8000, "2.2 h")])
-def test_a_forecast_is_no_more_exact_than_it_can_be(seconds, text):
-    assert about(seconds) == text
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(5, "5 s"), (89, "89 s"), (95, "2 min"), (3600, "1 h 00 min"), (20061, "5 h 34 min")]
+)
+def test_durations_are_for_people(seconds, text):
+    assert duration_text(seconds) == text
 
 
 def test_the_forecast_is_measured_here(capsys):

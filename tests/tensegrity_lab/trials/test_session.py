@@ -12,7 +12,7 @@ from tensegrity_lab.errors import SessionError, StackError
 from tensegrity_lab.session_data.ledger import Ledger
 from tensegrity_lab.session_data.record import Event, Outcome
 from tensegrity_lab.trials.judge import Observer
-from tensegrity_lab.trials.panel import Panel, Shown, big, duration_text, picture
+from tensegrity_lab.trials.panel import Panel, Shown, big, picture
 from tensegrity_lab.trials.robot_access import Rolled
 from tensegrity_lab.trials.session import KILLED, VOIDS_ALLOWED, Session
 from tests.tensegrity_lab.trials.sessions import add, begun, graph, line_of, planned
@@ -238,10 +238,3 @@ def test_the_panel_can_be_read_from_afar():
         "Is it?",
     ):
         assert words in text
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(5, "5 s"), (89, "89 s"), (95, "2 min"), (3600, "1 h 00 min"), (20061, "5 h 34 min")]
-)
-def test_durations_are_for_people(seconds, text):
-    assert duration_text(seconds) == text

@@ -78,17 +78,10 @@ def foretold_in(path: Path) -> list[Foretold]:
 
 def _foretold(bag: str, rehearsal: Any, tried: Attempt) -> Foretold:
     wanted = rehearsal.gaits[0]
+    gait = rehearsal.source_face, wanted.target_face, wanted.primitive
     likely = wanted.faces[0] if wanted.faces else ""
     return Foretold(
-        bag,
-        rehearsal.source_face,
-        wanted.target_face,
-        wanted.primitive,
-        float(wanted.odds),
-        int(wanted.members),
-        likely,
-        tried.succeeded(wanted.target_face),
-        tried.returned,
+        bag, *gait, float(wanted.odds), int(wanted.members), likely, tried.succeeded(wanted.target_face), tried.returned
     )
 
 

@@ -43,7 +43,7 @@ def label_beside(axes: Any, points: np.ndarray, texts: Sequence[str]) -> None:
     """Texts beside a path, at points of it, (n, 2)."""
     way = np.gradient(points, axis=0) if len(points) > 1 else np.ones((len(points), 2))
     for point, (dx, dy), text in zip(points, way, texts, strict=True):
-        aside = 14.0 * np.array([-dy, dx]) / (np.hypot(dx, dy) or 1.0)
+        aside = 17.0 * np.array([-dy, dx]) / (np.hypot(dx, dy) or 1.0)
         style = {"ha": "center", "va": "center", "fontsize": "small", "path_effects": [halo()]}
         axes.annotate(text, point, xytext=aside, textcoords="offset points", **style)
 

@@ -33,11 +33,6 @@ def head_of(library: Library, study: Study) -> str:
     )
 
 
-def assumption_of(study: Study) -> str:
-    """What the intervals take for granted."""
-    return ONE_GAIT if study.plan.one_gait else EXCHANGEABLE
-
-
 def shown(rate: Rate) -> str:
     """A rate with its interval, in %."""
     return f"{100 * rate.value:6.2f} %  [{100 * rate.low:6.2f}, {100 * rate.high:6.2f}]"
@@ -55,7 +50,7 @@ def text_of(library: Library, study: Study, blame: Attribution | None, wall_s: f
     lines += ["", f"primitives: {study.counts.words}", f"all trials: {shown(study.overall)} of {study.overall.trials}"]
     if blame is not None:
         lines += ["", *_blame_lines(blame, study)]
-    lines += ["", cost_line(study.cost, wall_s), "", assumption_of(study), VIRTUAL]
+    lines += ["", cost_line(study.cost, wall_s), "", ONE_GAIT if study.plan.one_gait else EXCHANGEABLE, VIRTUAL]
     ours = [name for name in study.plan.law.groups if GROUPS[name].source == OURS]
     if ours:
         lines.append(f"The range of {', '.join(ours)} is a stand-in of ours.")
@@ -114,7 +109,7 @@ def document_of(library: Library, study: Study, blame: Attribution | None, wall_
             "groups": [row._asdict() for row in blame.blames],
         },
         "cost": {**study.cost._asdict(), "wall_s": wall_s},
-        "notes": [assumption_of(study), VIRTUAL],
+        "notes": [ONE_GAIT if study.plan.one_gait else EXCHANGEABLE, VIRTUAL],
     }
 
 

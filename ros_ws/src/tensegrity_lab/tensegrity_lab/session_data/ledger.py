@@ -15,7 +15,7 @@ from tensegrity_lab.session_data.csv_tables import csv_row
 from tensegrity_lab.session_data.record import COLUMNS, Event, Line, Outcome, line_of, text_of
 from tensegrity_lab.terminal.leaving import uninterrupted
 
-LEDGER = "ledger.csv"
+LEDGER, NEW = "ledger.csv", ".new"
 HEADER = csv_row(COLUMNS)
 MOST_BYTES = 512_000_000
 """A million trials have half of it."""
@@ -117,7 +117,7 @@ class Ledger:
         """Open a session's ledger, or begin it. Raises SessionError, OSError."""
         self.path = folder / LEDGER
         if not self.path.exists():
-            _begin(self.path)
+            write_durably(self.path, HEADER + "\n")
         self.lines, self.damaged = read_lines(self.path)
 
     def standing(self) -> Standing:
@@ -140,26 +140,16 @@ class Ledger:
             self.lines += lines
 
 
-def _begin(path: Path) -> None:
-    """The header, whole or not at all."""
-    new = path.with_name(path.name + ".new")
-    write_durably(new, HEADER + "\n")
-    new.replace(path)
-    sync_folder(path.parent)
-
-
 def write_durably(path: Path, text: str) -> None:
-    """Write a new file that is on the disk on return. Raises OSError."""
-    with path.open("w", encoding="utf-8") as file:
+    """Write a new file, whole or not at all; on return it is on the disk. Raises OSError."""
+    new = path.with_name(path.name + NEW)
+    with new.open("w", encoding="utf-8") as file:
         file.write(text)
         file.flush()
         os.fsync(file.fileno())
-
-
-def sync_folder(folder: Path) -> None:
-    """Make the names of new files durable. Raises OSError."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    new.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)  # the name is durable only when the folder is
     try:
-        os.fsync(descriptor)
+        os.fsync(folder)
     finally:
-        os.close(descriptor)
+        os.close(folder)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
+from tensegrity_lab.terminal.progress import duration_text
+
 REFRESH_HZ = 5.0
 
 _GLYPHS = {
@@ -83,14 +85,6 @@ UNDO, LEAVE = ("u", "undo the last"), ("q", "leave")
 def keys_text(keys: Iterable[tuple[str, str]]) -> str:
     """For a terminal: "y yes   n no"."""
     return "   ".join(f"{key} {meaning}" for key, meaning in keys)
-
-
-def duration_text(seconds: float) -> str:
-    """For people: "5 h 34 min", "7 min", "40 s"."""
-    minutes = round(seconds / 60)
-    if minutes >= 60:
-        return f"{minutes // 60} h {minutes % 60:02d} min"
-    return f"{minutes} min" if seconds >= 90 else f"{seconds:.0f} s"
 
 
 class Panel:

@@ -44,8 +44,9 @@ from tensegrity_lab.stack.ros_domain import Domain, private_domain, robot_domain
 from tensegrity_lab.terminal.compile_notice import compile_first
 from tensegrity_lab.terminal.keys import Keys, pressed, require_keyboard
 from tensegrity_lab.terminal.leaving import uninterrupted
+from tensegrity_lab.terminal.progress import duration_text
 from tensegrity_lab.trials.judge import Hands, Observer, Person
-from tensegrity_lab.trials.panel import Panel, duration_text
+from tensegrity_lab.trials.panel import Panel
 from tensegrity_lab.trials.remote_panel import Remote
 from tensegrity_lab.trials.robot_access import Hardware, RobotAccess
 from tensegrity_lab.trials.session import Session
