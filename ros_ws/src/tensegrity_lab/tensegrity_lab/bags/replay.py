@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hardware_bridge.errors import BridgeError
-from hardware_bridge.recording.bag_reader import Session
+from hardware_bridge.recording.bag_reader import Session, seconds_of
 from sim_core.dynamics.actuators import ActuatorParameters
 from sim_core.dynamics.model import Model, build_model
 from sim_core.dynamics.robot import Robot
@@ -202,3 +202,14 @@ def replay(
 
 def _start_face(session: Session) -> str:
     return next((m.face for m in session.of("twin/state") if m.face), "TC6")
+
+
+def observed_path(session: Session, origin_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Robot times (s, from `origin_s`) and joints (n, 12, 3) as the observer saw them."""
+    sent = list(session.of("bridge/struts_sent"))
+    stamps = np.array([seconds_of(m.header.stamp) for m in sent])
+    robot_s = np.array([m.robot_time_ns / 1e9 for m in sent])
+    seen = [m for m in session.of("bridge/observed_joints") if len(m.poses) >= 12]
+    times = np.interp([seconds_of(m.header.stamp) for m in seen], stamps, robot_s) - origin_s if sent and seen else np.zeros(0)
+    joints = [[(p.position.x, p.position.y, p.position.z) for p in m.poses[:12]] for m in seen]
+    return times, np.array(joints).reshape(-1, 12, 3)

@@ -18,8 +18,7 @@ from sim_core.files.yaml_reader import parse_yaml
 from sim_core.gaits.library import Gait, Library, gait_of, parse_library
 from sim_core.structure.parameters import with_value
 from sim_core.twin.follower import Follower
-from tensegrity_lab.bags.observed_path import observed_path
-from tensegrity_lab.bags.replay import possible, prototype_of, sent_of
+from tensegrity_lab.bags.replay import observed_path, possible, prototype_of, sent_of
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
 from tensegrity_lab.session_data.record import Event, Line, Outcome, utc_ns

@@ -171,7 +171,7 @@ class Scene:
         if len(way) > 1:
             axes.plot(*self.flat(way)[:, :2].T, color="#d55e00", lw=1.6, alpha=0.9, zorder=3)
         shadow = [self.flat(moment.joints_m[list(pair)] * (1.0, 1.0, 0.0))[:, :2] for pair in STRUTS]
-        style = {"colors": "#8a949e", "linewidths": 5, "alpha": 0.18, "capstyle": "round", "zorder": 2}
+        style: dict[str, Any] = {"colors": "#8a949e", "linewidths": 5, "alpha": 0.18, "capstyle": "round", "zorder": 2}
         axes.add_collection(LineCollection(shadow, **style))
 
     def draw_robot(self, axes: Any, moment: Moment) -> None:

@@ -14,8 +14,7 @@ from hardware_bridge.recording.bag_reader import Session
 from sim_core.rolling.roll import RollResult, Sample
 from sim_core.structure.topology import STRUTS, TENDONS
 from sim_core.studies.binomial_intervals import Rate
-from tensegrity_lab.bags.observed_path import observed_path
-from tensegrity_lab.bags.replay import Replay
+from tensegrity_lab.bags.replay import Replay, observed_path
 
 BLUE, ORANGE, GREEN, RED = "#0072b2", "#e69f00", "#009e73", "#d55e00"
 STRUT_COLORS = (BLUE, ORANGE, GREEN, RED, "#cc79a7", "#56b4e9")

@@ -103,10 +103,7 @@ def table_of(figures: Figures, prototypes: int = MILLION) -> str:
         ("the scheduler is saturated at, cores", f"{limit:,.0f}"),
         ("hours then, which more cores do not shorten", f"{core_hours / limit:,.2f}"),
         ("network there, MB/s", f"{(f.sent_bytes + f.back_bytes) / f.task_s / 1e6:.1f}"),
-        (
-            "results at the client, GB (cut the study with --first beyond its memory)",
-            f"{back_gb:.1f}",
-        ),
+        ("results at the client, GB (cut the study with --first beyond its memory)", f"{back_gb:.1f}"),
     ]
     for count in (20, 1000, prototypes):
         n = count * GAITS

@@ -54,11 +54,6 @@ class Told:
     voids: int
     revoked: frozenset[int]
 
-    @property
-    def path(self) -> Path:
-        """The session's folder."""
-        return self.folder.path
-
 
 def read_told(path: Path) -> Told:
     """Read a session. Raises SessionError: it is none, or its ledger contradicts itself."""
@@ -85,7 +80,7 @@ class Group:
         """Read them. Raises SessionError: nothing was tried yet, one was given twice, or virtual and real trials are mixed."""
         self.letter = letter
         self.sessions = [read_told(path) for path in paths]
-        names = [told.path.resolve() for told in self.sessions]
+        names = [told.folder.path.resolve() for told in self.sessions]
         if len(set(names)) < len(names):
             raise SessionError(f"a session is given twice: {', '.join(map(str, paths))}")
         self.lines = [line for told in self.sessions for line in told.valid]

@@ -164,7 +164,7 @@ class Report:
         yield html.heading("Trials, each with the command that replays it")
         for group in self.groups:
             for told in group.sessions:
-                yield html.folded(f"({group.letter}) {told.path.name}: {len(told.lines)} trials", _trial_table(told))
+                yield html.folded(f"({group.letter}) {told.folder.path.name}: {len(told.lines)} trials", _trial_table(told))
 
     def _agreement(self) -> str:
         rows: list[Sequence[object]] = []
@@ -218,7 +218,7 @@ def _session_row(letter: str, told: Told) -> Sequence[object]:
     times = [line.began for line in told.lines if line.began]
     first, last = (min(times)[:16], max(times)[:16]) if times else ("", "")
     counts = (len(told.folder.plan), len(told.valid), told.voids, len(told.revoked))
-    return (f"({letter})", told.path.name, settings.robot, settings.library, *counts, first, last)
+    return (f"({letter})", told.folder.path.name, settings.robot, settings.library, *counts, first, last)
 
 
 def _trial_table(told: Told) -> str:

@@ -119,9 +119,9 @@ def require_free(path: Path) -> None:
         raise SessionError(f"{path} holds {others[0]} and no session: give another folder, or one that does not exist yet")
 
 
-def newest_session(bags: Path | None = None) -> Path:
+def newest_session() -> Path:
     """The session that was begun last, of those where sessions go. Raises SessionError: there is none."""
-    folder = bag_folder("") if bags is None else bags
+    folder = bag_folder("")
     found = [(path.stat().st_mtime_ns, path.parent) for path in folder.glob(f"*/{SETTINGS}")]
     if not found:
         raise SessionError(f"there is no session in {folder}: give one's folder, or make one with: sixstrut trial --virtual")

@@ -59,14 +59,12 @@ class Setting(FitOptions):
         primitives: of each class.
         searched: for so many of the robots, those that the shipped library `robust` does worst on, a library is searched on the
             fitted ensemble.
-        generations: of these searches, at most; None: the plan's.
     """
 
     robots: int = 3
     trials: int = 64
     primitives: int = 4
     searched: int = 1
-    generations: int | None = None
 
 
 @dataclass(frozen=True)
@@ -190,8 +188,7 @@ def _case(
 def _searched(model: Model, setting: Setting, case: RobotCase, report: Report) -> Library:
     """The library that a search finds on the fitted ensemble."""
     posterior = Posterior(model.hash, {"demonstration": setting.seed}, setting.prior.noise, case.found.members, case.found.weights)
-    plan = fitted_to(posterior)
-    search = Search(model.prototype, replace(plan, generations=setting.generations or plan.generations))
+    search = Search(model.prototype, fitted_to(posterior))
     while not search.done:
         search.step()
         report(round(1000 * search.progress.finished), 1000)

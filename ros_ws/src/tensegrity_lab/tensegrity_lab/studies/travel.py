@@ -15,7 +15,7 @@ from hardware_bridge.recording.bag_reader import read_session
 from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
-from tensegrity_lab.bags.observed_path import observed_path
+from tensegrity_lab.bags.replay import observed_path
 from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
 from tensegrity_lab.stack.virtual_stack import VirtualRobot, running
