@@ -86,7 +86,7 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
             parameters["prototype_file"] = folder / "prototype.yaml"
         stack = closing.enter_context(Stack(folder / "logs"))
         newest: deque[TwinState] = deque(maxlen=1)
-        TWIN_STATE.subscribe(node, newest.append)
+        TWIN_STATE.subscribe(node, lambda state: newest.append(state))
         stack.node("twin", **parameters)
         streams = [publishers[name] for name in STREAM if name in publishers]
         met = lambda: all(stream.get_subscription_count() for stream in streams)  # noqa: E731

@@ -45,7 +45,7 @@ def text_of(library: Library, study: Study, blame: Attribution | None, wall_s: f
     for primitive, rate, gaits, rolls in sorted(rows, key=lambda row: -row[1].value):
         weakest = min(range(len(gaits)), key=lambda g: gaits[g].value)
         source, target = rolls[weakest]
-        weak = f"{source}→{target} {100 * gaits[weakest].value:.0f} %"
+        weak = f"{source}→{target} {gaits[weakest].successes} of {gaits[weakest].trials}"
         lines.append(f"{primitive.name:<12} {primitive.roll_class.name:<8} {shown(rate)}  {weak}")
     lines += ["", f"primitives: {study.counts.words}", f"all trials: {shown(study.overall)} of {study.overall.trials}"]
     if blame is not None:

@@ -41,7 +41,7 @@ class Test(NamedTuple):
     more: str
 
 
-class Report:
+class TrialReport:
     """What a report holds, and how it is written.
 
     Attributes:
@@ -237,7 +237,7 @@ def _trial_table(told: Told) -> str:
     return html.table(("", "gait", "predicted", "outcome", "faces", "why", "replay"), rows, codes=(6,))
 
 
-def summary_of(report: Report) -> str:
+def summary_of(report: TrialReport) -> str:
     """The report's key numbers for a terminal."""
     lines = []
     for group in report.groups:

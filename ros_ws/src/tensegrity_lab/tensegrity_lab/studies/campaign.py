@@ -12,9 +12,9 @@ from pathlib import Path
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import Library, libraries_folder, load_library
 from sim_core.structure.parameters import load_prototype
-from sim_core.studies.tasks import Report as Reporter
+from sim_core.studies.tasks import Report
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.reports.trial_report import Report, summary_of
+from tensegrity_lab.reports.trial_report import TrialReport, summary_of
 from tensegrity_lab.session_data.folder import SessionFolder
 from tensegrity_lab.studies.campaign_batch import require_new, session_of
 from tensegrity_lab.studies.campaign_stack_sample import Pair, chosen, table_of, through_the_stack
@@ -63,7 +63,7 @@ class Campaign:
     summaries: list[str]
 
 
-def run(asked: CampaignRequest, bar: Callable[[str], Reporter], say: Callable[[str], None]) -> Campaign:
+def run(asked: CampaignRequest, bar: Callable[[str], Report], say: Callable[[str], None]) -> Campaign:
     """Run a campaign.
 
     Args:
@@ -118,7 +118,7 @@ def _reports(asked: CampaignRequest, sessions: dict[str, list[SessionFolder]]) -
     for other in names[1:] or [""]:
         against = [folder.path for folder in sessions[other]] if other else []
         command = shlex.join(["./sixstrut", "report", *map(str, first), *(["--against", *map(str, against)] if against else [])])
-        report = Report(first, against, command)
+        report = TrialReport(first, against, command)
         found.append(report.write(asked.output / REPORT / (f"{names[0]}_against_{other}" if other else names[0])))
         told.append(summary_of(report))
     return found, told

@@ -52,11 +52,11 @@ def command(
     sixstrut report bags/monday bags/tuesday --against bags/previous -o report
     """
     announce("reading the sessions")
-    from tensegrity_lab.reports.trial_report import Report, summary_of
+    from tensegrity_lab.reports.trial_report import TrialReport, summary_of
 
     sessions = chosen_sessions(sessions)
     words = ["./sixstrut", "report", *map(str, sessions), *(word for path in against or [] for word in ("--against", str(path)))]
-    report = Report(sessions, against or [], shlex.join(words))
+    report = TrialReport(sessions, against or [], shlex.join(words))
     page = report.write(output or sessions[0] / "report")
     typer.echo(summary_of(report))
     typer.echo(f"page: {page}; tables and pictures beside it")
