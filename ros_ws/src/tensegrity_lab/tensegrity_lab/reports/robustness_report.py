@@ -38,6 +38,11 @@ def shown(rate: Rate) -> str:
     return f"{100 * rate.value:6.2f} %  [{100 * rate.low:6.2f}, {100 * rate.high:6.2f}]"
 
 
+def spread(rate: Rate) -> str:
+    """Counts, rate and interval."""
+    return f"{rate.successes} of {rate.trials}, {shown(rate).strip()}"
+
+
 def text_of(library: Library, study: Study, blame: Attribution | None, wall_s: float) -> str:
     """The whole study for people."""
     lines = [head_of(library, study), "", f"{'primitive':<12} {'class':<8} success   95 % interval    weakest gait"]
@@ -47,7 +52,7 @@ def text_of(library: Library, study: Study, blame: Attribution | None, wall_s: f
         source, target = rolls[weakest]
         weak = f"{source}→{target} {gaits[weakest].successes} of {gaits[weakest].trials}"
         lines.append(f"{primitive.name:<12} {primitive.roll_class.name:<8} {shown(rate)}  {weak}")
-    lines += ["", f"primitives: {study.counts.words}", f"all trials: {shown(study.overall)} of {study.overall.trials}"]
+    lines += ["", f"primitives: {study.counts.words}", f"all trials: {spread(study.overall)}"]
     if blame is not None:
         lines += ["", *_blame_lines(blame, study)]
     lines += ["", cost_line(study.cost, wall_s), "", ONE_GAIT if study.plan.one_gait else EXCHANGEABLE, VIRTUAL]

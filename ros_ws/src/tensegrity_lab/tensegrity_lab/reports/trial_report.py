@@ -10,10 +10,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sim_core.structure.symmetry import carrier
-from sim_core.studies.binomial_intervals import Rate
 from tensegrity_lab.reports import html
 from tensegrity_lab.reports.hypothesis_tests import RESAMPLES, SEED, mann_whitney
-from tensegrity_lab.reports.robustness_report import rate_document, shown
+from tensegrity_lab.reports.robustness_report import rate_document, spread
 from tensegrity_lab.reports.trial_analysis import PAPER, Group, Told
 from tensegrity_lab.reports.trial_plots import calibration_picture, figure_8, gaits_picture
 from tensegrity_lab.session_data.csv_tables import cells_of, write_table
@@ -140,7 +139,7 @@ class TrialReport:
         yield html.paragraph(f"Made by: {self._command}", "note")
         yield html.heading("Success rates: the paper's Figure 8")
         yield html.picture(folder / "figure8.png", "success rates of primitives, and their distributions")
-        rows: list[Sequence[object]] = [(group.title, *group.counts, _spread(group.overall)) for group in self.groups]
+        rows: list[Sequence[object]] = [(group.title, *group.counts, spread(group.overall)) for group in self.groups]
         rows += [(name, *counts, "") for name, counts in PAPER.items()]
         yield html.table(("", "at 100 %", "above 80 %", "at or above 50 %", "primitives", "all trials"), rows)
         yield html.paragraph(f"Intervals: 95 %, Clopper–Pearson. {EXCHANGEABLE}", "note")
@@ -158,7 +157,7 @@ class TrialReport:
             yield html.picture(folder / "odds.png", "predicted probability against the share of successes")
         yield html.heading("Primitives")
         for group in self.groups:
-            shares = [(name, _spread(rate)) for name, rate in zip(group.names, group.rates, strict=True)]
+            shares = [(name, spread(rate)) for name, rate in zip(group.names, group.rates, strict=True)]
             table = html.table(("primitive", "successes, rate and 95 % interval"), shares)
             yield html.folded(f"{group.title}: {len(shares)} primitives", table)
         yield html.heading("Trials, each with the command that replays it")
@@ -242,16 +241,12 @@ def summary_of(report: TrialReport) -> str:
     lines = []
     for group in report.groups:
         lines.append(f"{group.title}: {group.counts.words}")
-        lines.append(f"    all trials: {_spread(group.overall)}; {len(group.robots)} prototype(s)")
+        lines.append(f"    all trials: {spread(group.overall)}; {len(group.robots)} prototype(s)")
     if report.test is not None:
         lines.append(f"Mann–Whitney U = {report.test.u:g}, p = {p_text(report.test.p)}, effect A = {report.test.effect:.3f}")
     if any(group.virtual for group in report.groups):
         lines.append(VIRTUAL)
     return "\n".join(lines)
-
-
-def _spread(rate: Rate) -> str:
-    return f"{rate.successes} of {rate.trials}, {shown(rate).strip()}"
 
 
 def _percent(rate: float | None) -> str:
