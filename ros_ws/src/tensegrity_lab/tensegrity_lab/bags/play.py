@@ -21,7 +21,7 @@ from hardware_bridge.recording.bag_reader import Bag, BagError, Recorded, Sessio
 from sim_core.printable import printable
 from sim_core.twin.follower import MOST_TIME_SCALE
 from tensegrity_interfaces.msg import TwinState
-from tensegrity_lab.bags.replay import events_of, model_of
+from tensegrity_lab.bags.replay import events_of, model_of, start_of
 from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.message_types import message_class
 from tensegrity_lab.stack.processes import Stack, wait_until
@@ -32,7 +32,6 @@ from tensegrity_robot.ros.topics import TOPICS, TWIN_STATE
 TOLD = {topic.name: topic.profile for topic in TOPICS if topic.told_by == "bridge" and not topic.name.startswith("/")}
 """Topics that are played. Not the twin's: it makes its own again."""
 STREAM = ("bridge/struts_sent", "bridge/face")
-TWIN = "twin/state"
 MOST_PAUSE_S = 600.0
 """Recorded time in which nothing was told, such as while a link was lost, beyond which playing goes on."""
 LOOK_S = 3.0
@@ -60,13 +59,10 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
         BagError, ReplayError: the bag cannot be read, or be a bridge's.
         StackError: a bridge lives, or the twin does not come up.
     """
-    read = read_bag(bag, topics=(*TOLD, TWIN))
+    read = read_bag(bag, topics=(*TOLD, "twin/state"))
     session = read.session()
     types = _types(read)
-    states = [m for m in session.of(TWIN) if m.last_seq > 0]
-    first_seq = states[0].first_seq if states else 0
-    before = [m.face for m in session.of("bridge/face") if m.seq < first_seq and m.face]
-    start = (before or [m.face for m in states if m.face] or ["TC6"])[-1 if before else 0]
+    first_seq, start = start_of(session)
     due = _due(session, first_seq)
     rate = min(rate, MOST_TIME_SCALE / max(1.0, _time_scale(session)))
     with ExitStack() as closing:

@@ -166,9 +166,7 @@ def replay(
     events = events_of(session, model.prototype.strut_length_m)
     live = {m.last_seq: m for m in session.of("twin/state") if m.last_seq > 0}
     sources = {m.seq: m.source for m in session.of("bridge/face")}
-    first_seq = min((m.first_seq for m in live.values()), default=events[0].seq)
-    before = [e for e in events if isinstance(e, Observed) and e.seq < first_seq and e.face]
-    start = (before[-1].face if before else None) or _start_face(session)
+    first_seq, start = start_of(session)
     events = [event for event in events if event.seq >= first_seq]
     follower = Follower(model, start, actuators)
     result = Replay(model_hash=follower.identity)
@@ -200,8 +198,13 @@ def replay(
     return result
 
 
-def _start_face(session: Session) -> str:
-    return next((m.face for m in session.of("twin/state") if m.face), "TC6")
+def start_of(session: Session) -> tuple[int, str]:
+    """Number of the event with which the live twin began, and the face on which; without a live twin 0 and TC6."""
+    states = [m for m in session.of("twin/state") if m.last_seq > 0]
+    first_seq = min((m.first_seq for m in states), default=0)
+    before = sorted((m.seq, m.face) for m in session.of("bridge/face") if m.seq < first_seq and m.face)
+    told = (m.face for m in session.of("twin/state") if m.face)
+    return first_seq, before[-1][1] if before else next(told, "TC6")
 
 
 def observed_path(session: Session, origin_s: float) -> tuple[np.ndarray, np.ndarray]:

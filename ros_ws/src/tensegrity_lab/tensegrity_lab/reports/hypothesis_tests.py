@@ -15,7 +15,6 @@ from sim_core.studies.binomial_intervals import Rate, rate_of
 RESAMPLES = 9_999
 SEED = 20_230_401
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class MannWhitney(NamedTuple):
