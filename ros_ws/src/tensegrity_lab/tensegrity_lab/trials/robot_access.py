@@ -98,12 +98,6 @@ class RobotAccess:
         port, meant = (hardware.port, read_handshake(hardware.port)) if hardware.port else self._start_prototype(stack, face)
         prototype = "" if meant is None else meant.instance
         library = (self._session.path / LIBRARY).resolve()
-        planner: dict[str, Any] = {
-            "library": library,
-            # a person judges in their own time, after the roll
-            "confirm": "observed" if hardware.observed else "predicted",
-            **({"prototype": prototype} if prototype else {}),
-        }
         bridge: dict[str, Any] = {
             "port": port,
             "board": hardware.board,
@@ -117,7 +111,8 @@ class RobotAccess:
         if not hardware.port:
             bridge |= {"time_scale": hardware.time_scale, "state_folder": self._links}
         stack.node("twin", start_face=face)
-        stack.node("gait_planner", **planner)
+        confirm = "observed" if hardware.observed else "predicted"  # a person judges in their own time, after the roll
+        stack.node("gait_planner", library=library, confirm=confirm, prototype=prototype)
         stack.node("hardware_bridge", **{name: value for name, value in bridge.items() if value not in ("", 0)})
         from tensegrity_lab.stack.client import StackClient  # rclpy: only once the processes are on their way
 
