@@ -43,20 +43,20 @@ def prior_of(words: str) -> Prior:
     return Prior(**given)
 
 
-def fitted(model: Model, tries: Tries, options: FitOptions, with_odds: bool = False) -> Fit:
+def fitted(model: Model, tries: Tries, options: FitOptions, with_probabilities: bool = False) -> Fit:
     """Fit an ensemble, with forecast and progress on standard error. Raises what `fit` raises.
 
     Args:
         model: the nominal one.
         tries: what was tried, and how it ended.
         options: how many members and rounds.
-        with_odds: how likely every gait is will be computed after it: part of the forecast.
+        with_probabilities: how likely every gait is will be computed after it: part of the forecast.
     """
     compile_first(Stage.BATCH)
     rounds = 1 + options.rounds
     each = options.members * (len({one.roll for one in tries.seen if one.placed}) + sum(not one.placed for one in tries.seen))
     what = f"fitting {options.members} robots to {len(tries.seen)} trials, in {rounds} round(s) at most"
-    later = len(gaits_of(tries.library.primitives)) * MEMBERS if with_odds else 0
+    later = len(gaits_of(tries.library.primitives)) * MEMBERS if with_probabilities else 0
     say_forecast(what + (", then how likely each gait is" if later else ""), rounds * each + later, model)
     with bars("rolls", "nothing was written; the same command gives the same result later") as bar:
         how = (options.prior, options.members, options.seed, options.lapse, options.rounds)
@@ -80,7 +80,7 @@ def write_ensemble(path: Path, model: Model, tries: Tries, found: Fit) -> None:
     path.write_text(posterior_text(posterior), encoding="utf-8")
 
 
-def write_odds(path: Path, model: Model, tries: Tries, found: Fit | None, options: FitOptions) -> None:
+def write_probabilities(path: Path, model: Model, tries: Tries, found: Fit | None, options: FitOptions) -> None:
     """Write the odds' file: of the fitted ensemble, or without one of the shipped odds; and of each gait's own trials. OSError."""
     source = f"{'virtual ' if tries.virtual else ''}trials of {tries.robot}: {', '.join(tries.sources)}"
     if found is None:

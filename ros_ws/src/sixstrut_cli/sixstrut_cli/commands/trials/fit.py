@@ -106,7 +106,7 @@ def command(
         fitting.write_ensemble(in_folder(ensemble), model, tries, found)
         typer.echo(f"wrote {ensemble}", err=as_json)
     if odds is not None:
-        fitting.write_odds(in_folder(odds), model, tries, found, options)
+        fitting.write_probabilities(in_folder(odds), model, tries, found, options)
     document = fitting.document_of(tries, found)
     typer.echo(json.dumps(document) if as_json else fitting.text_of(tries, found))
     if odds is not None and not as_json:
