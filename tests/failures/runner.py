@@ -47,7 +47,7 @@ def run(
         say: told a line for people.
     """
     with private_domain(domain) as own, scratch() as folder:
-        say(own.words)
+        say(own.describe)
         set_discovery()  # the operator is a node of this process
         lab = Rig(Path(folder), own.number, own.locks)
         try:

@@ -7,7 +7,7 @@ import os
 import pytest
 
 from tensegrity_lab.terminal.keys import ENTER, Keys
-from tensegrity_lab.trials.panel import Lines, Shown
+from tensegrity_lab.trials.panel import Panel, Shown
 from tensegrity_lab.trials.remote_panel import key_text
 
 pytestmark = pytest.mark.ros
@@ -88,14 +88,14 @@ def test_a_key_answers_one_panel_once(remote, told, capfd):
 def test_the_panel_is_shown_elsewhere_and_gone_with_the_session(domain, operator, monkeypatch):
 
     from tensegrity_lab.stack.processes import wait_until
-    from tensegrity_lab.trials.remote_panel import Mirrored, Remote
+    from tensegrity_lab.trials.remote_panel import Remote
     from tensegrity_robot.ros.topics import TRIAL_PANEL
 
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     told = []
     TRIAL_PANEL.subscribe(operator.node, lambda m: told.append(m.data))
     remote = Remote()
-    panel = Mirrored(Lines("virtual trials"), remote)
+    panel = Panel("virtual trials", told=remote.show)
     with panel:
         panel.show(source="TC6", target="TO5", question="Does it stand on TO5?", keys=(("y", "yes: success"),))
     wait_until(lambda: told, 10.0, "the panel")

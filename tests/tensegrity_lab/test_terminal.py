@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What somebody at a terminal is told of long work: how long it takes, and what Ctrl-C keeps."""
 
+import os
 import signal
 import subprocess
 import sys
@@ -9,7 +10,9 @@ import time
 import pytest
 
 from sim_core import build_model, load_prototype
-from tensegrity_lab.terminal.forecast import about, say_forecast
+from tensegrity_lab.terminal.forecast import say_forecast
+from tensegrity_lab.terminal.leaving import leaves_at_once, uninterrupted
+from tensegrity_lab.terminal.progress import duration_text
 
 COMPUTES = """
 import sys
@@ -37,17 +40,17 @@ def test_ctrl_c_always_leaves_and_says_what_is_kept():
 
 
 def test_outside_of_long_work_ctrl_c_is_what_it_was():
-    from tensegrity_lab.terminal.leaving import leaves_at_once
-
     before = signal.getsignal(signal.SIGINT)
     with leaves_at_once("nothing"):
         assert signal.getsignal(signal.SIGINT) is not before
     assert signal.getsignal(signal.SIGINT) is before
 
 
-@pytest.mark.parametrize(("seconds", "text"), [(1, "5 s"), (42, "40 s"), (89, "90 s"), (300, "5 min"), (8000, "2.2 h")])
-def test_a_forecast_is_no_more_exact_than_it_can_be(seconds, text):
-    assert about(seconds) == text
+@pytest.mark.parametrize(
+    ("seconds", "text"), [(5, "5 s"), (89, "89 s"), (95, "2 min"), (3600, "1 h 00 min"), (20061, "5 h 34 min")]
+)
+def test_durations_are_for_people(seconds, text):
+    assert duration_text(seconds) == text
 
 
 def test_the_forecast_is_measured_here(capsys):
@@ -55,3 +58,18 @@ def test_the_forecast_is_measured_here(capsys):
     said = capsys.readouterr().err
     assert said.startswith("a study: 1000 rolls, about ")
     assert "rolls/s here; Ctrl-C leaves at any time" in said
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_while_things_are_put_away_is_remembered(number):
+    with uninterrupted() as came:
+        assert not came
+        os.kill(os.getpid(), number)
+        assert came == [number]
+
+
+def test_afterwards_ctrl_c_interrupts_again():
+    with uninterrupted():
+        pass
+    with pytest.raises(KeyboardInterrupt):
+        os.kill(os.getpid(), signal.SIGINT)

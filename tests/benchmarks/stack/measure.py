@@ -20,7 +20,7 @@ def measure(plan: Plan, say: Callable[[str], None]) -> StackReport:
     """Run everything. Raises StackError, and what the processes' own errors become there."""
     load = os.getloadavg()[0]
     with private_domain() as domain, tempfile.TemporaryDirectory(prefix="sixstrut-bench-") as name:
-        say(domain.words)
+        say(domain.describe)
         folder = Path(name)
         say("start: compiling with an empty cache, then starting twins")
         start = start_up.measure(plan, folder, domain.locks)

@@ -129,7 +129,7 @@ def test_without_odds_all_gaits_are_alike_and_are_taken_in_turn(floor, library):
     assert then.gait.primitive.name != first.gait.primitive.name
 
 
-def test_with_odds_the_first_gait_is_one_of_the_most_reliable_and_of_these_the_steepest_climber(floor, library):
+def test_with_probabilities_the_first_gait_is_one_of_the_most_reliable_and_of_these_the_steepest_climber(floor, library):
     step = journey(floor, library).look(START)
     choices = FaceGraph(library, load_odds(library)).choices(step.gait.source, step.gait.target)
     surest = [choice.gait for choice in choices if choice.odds == choices[0].odds]

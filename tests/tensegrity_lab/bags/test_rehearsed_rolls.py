@@ -46,7 +46,7 @@ def test_a_roll_that_ended_elsewhere_failed_and_one_without_a_rehearsal_does_not
 
 def test_void_trials_do_not_count(monkeypatch):
     all_of_them = foretold_in(BAG)
-    tries = rehearsed_rolls.outcomes_of(read_session(BAG), 0.234)
+    tries = rehearsed_rolls.attempts_of(read_session(BAG), 0.234)
     facts = dict.fromkeys(("recorded", "session", "experimenter", "robot", "library", "library_hash", "primitive"), "")
     line = Line(
         event=Event.TRIAL, number=1, **facts, virtual_robot=True, roll_class="", source="", target="", repeat=1, proper=True,

@@ -12,7 +12,7 @@ from hardware_bridge.recording.bag_reader import BagError, Session, read_session
 from sim_core.dynamics.model import build_model
 from sim_core.errors import SimError
 from tensegrity_lab.bags.replay import ReplayError, events_of, model_of, replay, require_same_model
-from tensegrity_lab.bags.rolls import outcomes_of
+from tensegrity_lab.bags.rolls import attempts_of
 from tensegrity_lab.bags.trial_replay import library_of
 
 BAG = Path(__file__).parents[3] / "bags" / "example.mcap"
@@ -76,7 +76,7 @@ def test_a_bag_without_commands_is_refused(session):
 
 
 def test_tries_and_outcomes_are_read_from_what_was_asked_and_seen(session):
-    tries = outcomes_of(session, 0.234)
+    tries = attempts_of(session, 0.234)
     assert len(tries) == 3
     assert [tries[0].source, *(t.returned for t in tries)] == [check.observed for check in replay(session).faces]
     assert all(t.succeeded(t.returned) for t in tries)
@@ -131,7 +131,7 @@ def test_a_goal_that_is_none_is_one_line(session):
         old = asked[0].message
         forged = SimpleNamespace(**{"header": old.header, "joint_names": old.joint_names, "points": old.points, **change})
         with pytest.raises(BagError, match="is no lengths of S1 to S6"):
-            outcomes_of(Session(session.path, {"bridge/asked": [asked[0]._replace(message=forged)]}), 0.234)
+            attempts_of(Session(session.path, {"bridge/asked": [asked[0]._replace(message=forged)]}), 0.234)
 
 
 @pytest.mark.parametrize("name", ["prototype.yaml", "library.yaml"])

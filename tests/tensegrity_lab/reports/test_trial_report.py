@@ -13,7 +13,7 @@ from scipy import stats
 
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.reports.trial_analysis import Group
-from tensegrity_lab.reports.trial_report import Report
+from tensegrity_lab.reports.trial_report import TrialReport
 from tensegrity_lab.session_data.ledger import Ledger
 from tensegrity_lab.session_data.record import Event, Outcome
 from tests.sixstrut_cli.test_commands import sixstrut
@@ -108,7 +108,7 @@ def test_the_page_is_one_file_says_virtual_and_replays_every_trial(written, good
 
 def test_the_same_sessions_give_the_same_tables(written, good, bad, tmp_path):
     target, _ = written
-    Report([good.path], [bad.path], "").write(tmp_path)
+    TrialReport([good.path], [bad.path], "").write(tmp_path)
     for name in ("primitives.csv", "gaits.csv", "tests.csv", "trials.csv"):
         assert (tmp_path / name).read_bytes() == (target / name).read_bytes()
 
@@ -119,7 +119,7 @@ def test_sessions_on_several_prototypes_are_bootstrapped_by_prototype(good, bad,
     interval = group.by_prototype()
     rates = [Group([folder.path]).overall.value for folder in (good, bad)]
     assert (interval.low, interval.high) == pytest.approx((min(rates), max(rates)))
-    page = Report([good.path, bad.path], [], "").write(tmp_path).read_text(encoding="utf-8")
+    page = TrialReport([good.path, bad.path], [], "").write(tmp_path).read_text(encoding="utf-8")
     assert "2 prototypes; all trials, bootstrapped by prototype" in page
     assert "needs a second group" in page
 
@@ -132,7 +132,7 @@ def test_one_trial_is_enough_and_none_is_a_clear_error(tmp_path):
     remedy = f"run `./sixstrut trial {folder.path}` first"
     assert result.stderr.startswith(f"error: no trial of {folder.path} has an outcome yet: {remedy}")
     add(Ledger(folder.path), PLAN[0], Outcome.SUCCESS)
-    report = Report([folder.path], [], "")
+    report = TrialReport([folder.path], [], "")
     assert report.groups[0].counts == (1, 1, 1, 1)
     assert report.write(tmp_path / "report").exists()
 

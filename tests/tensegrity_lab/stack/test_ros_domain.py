@@ -27,7 +27,7 @@ def test_it_is_private_whatever_the_shell_exports(monkeypatch: pytest.MonkeyPatc
     with private_domain() as own:
         assert os.environ["ROS_DOMAIN_ID"] == str(own.number) != exported
         assert own.number in DRAWN
-        assert own.words == f"export ROS_DOMAIN_ID={own.number}   # to join with ros2 and RViz"
+        assert own.describe == f"export ROS_DOMAIN_ID={own.number}   # to join with ros2 and RViz"
     assert os.environ.get("ROS_DOMAIN_ID") == exported
 
 

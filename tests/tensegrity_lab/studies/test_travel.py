@@ -9,6 +9,7 @@ from tensegrity_lab.stack.simulation_lag import LATE_S
 from tensegrity_lab.stack.virtual_stack import VirtualRobot
 from tensegrity_lab.studies import travel_study as module
 from tensegrity_lab.studies.travel import Trip
+from tensegrity_lab.studies.travel_plot import study_picture, travel_picture
 from tensegrity_lab.studies.travel_study import TRAVELLERS, TRIPS, cases_of, page_of, read_trips, study
 
 ROBOT = VirtualRobot(time_scale=8.0)
@@ -89,3 +90,18 @@ def test_the_page_says_what_it_has_and_what_is_left(made, tmp_path):
     assert "**2 travels of 8**, so far" in page
     assert "| level | robust, knows odds | 1 of 1 | 17 | 1 (6 %) | 17.0 | 200 s | 1.37 |" in page
     assert "so far" not in page_of(found, 0, ROBOT, "COMMAND", "picture.png")
+
+
+@pytest.mark.parametrize("stands", [(), (("TC6", 0.0, 0.0),), (("TC6", 0.0, 0.0), ("TO5", 0.1, 0.0), ("TC3", 0.1, 0.0))])
+def test_a_travel_is_drawn_however_little_was_seen_of_it(stands, tmp_path):
+    trip = replace(TRIP, stands=stands, places_m=tuple((x, y) for _, x, y in stands))
+    travel_picture(trip, tmp_path / "one.png")
+    study_picture([("level", [trip]), ("inclined", [])], tmp_path / "all.png")
+    assert all((tmp_path / name).read_bytes().startswith(b"\x89PNG") for name in ("one.png", "all.png"))
+
+
+def test_trips_of_older_studies_know_no_stands(made, tmp_path):
+    study(cases_of(1, seed=1)[:1], ROBOT, tmp_path, lambda text: None, lambda text: None)
+    path = tmp_path / TRIPS
+    path.write_text(path.read_text().replace(', "stands": []', ""))
+    assert [trip.stands for trip in read_trips(tmp_path).values()] == [()]

@@ -12,7 +12,7 @@ from tensegrity_lab.errors import SessionError, StackError
 from tensegrity_lab.session_data.ledger import Ledger
 from tensegrity_lab.session_data.record import Event, Outcome
 from tensegrity_lab.trials.judge import Observer
-from tensegrity_lab.trials.panel import Lines, Shown, big, duration_text, picture
+from tensegrity_lab.trials.panel import Panel, Shown, big, picture
 from tensegrity_lab.trials.robot_access import Rolled
 from tensegrity_lab.trials.session import KILLED, VOIDS_ALLOWED, Session
 from tests.tensegrity_lab.trials.sessions import add, begun, graph, line_of, planned
@@ -89,7 +89,7 @@ def session(tmp_path):
         folder = begun(tmp_path / "s", plan) if not (tmp_path / "s" / "session.yaml").exists() else make.folder
         make.folder = folder
         hands = Observer(graph(), True, lambda text: None)
-        return Session(folder, Ledger(folder.path), lab, hands, Lines("virtual trials"), "Ada", 0.015, keys)
+        return Session(folder, Ledger(folder.path), lab, hands, Panel("virtual trials"), "Ada", 0.015, keys)
 
     return make
 
@@ -229,12 +229,12 @@ def test_the_panel_can_be_read_from_afar():
     text = console.export_text()
     for row in big("TC6 → TO5").splitlines():
         assert row.strip() in text
-    for words in ("48 of 96 trials", "83 % succeeded", "1 h 07 min left", "the robot stands on TC6", "duty 12 s left", "Is it?"):
+    for words in (
+        "48 of 96 trials",
+        "40 of 48 succeeded",
+        "1 h 07 min left",
+        "the robot stands on TC6",
+        "duty 12 s left",
+        "Is it?",
+    ):
         assert words in text
-
-
-@pytest.mark.parametrize(
-    ("seconds", "text"), [(5, "5 s"), (89, "89 s"), (95, "2 min"), (3600, "1 h 00 min"), (20061, "5 h 34 min")]
-)
-def test_durations_are_for_people(seconds, text):
-    assert duration_text(seconds) == text

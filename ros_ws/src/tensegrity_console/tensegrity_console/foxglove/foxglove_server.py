@@ -28,8 +28,9 @@ from tensegrity_console.foxglove.foxglove_protocol import ENCODING, Hub, Service
 from tensegrity_interfaces.srv import Arm, Disarm
 from tensegrity_lab.errors import ConsoleError, StackError
 from tensegrity_lab.stack.message_types import message_class
-from tensegrity_lab.stack.processes import Stack, Uninterrupted
+from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.ros_thread import Spinner
+from tensegrity_lab.terminal.leaving import uninterrupted
 from tensegrity_robot.ros.cdr import wire_bytes
 from tensegrity_robot.ros.node_process import own_context
 from tensegrity_robot.ros.topics import GOAL_POSE, LEASE
@@ -61,8 +62,8 @@ def layout() -> Path:
 
 def wait_for_end(processes: Stack | None) -> None:
     """Until SIGINT or SIGTERM. Raises StackError: a process of the stack died."""
-    with Uninterrupted() as signals:
-        while not signals.interrupted:
+    with uninterrupted() as came:
+        while not came:
             if processes is not None:
                 processes.require_alive()
             time.sleep(LOOK_S)

@@ -7,35 +7,32 @@ Only what the bridge *told* is played. Nothing of it is a command, and while a b
 from __future__ import annotations
 
 import tempfile
-import threading
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
-import rclpy
-from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
 
 from hardware_bridge.recording.bag_reader import Bag, BagError, Recorded, Session, read_bag
 from sim_core.printable import printable
 from sim_core.twin.follower import MOST_TIME_SCALE
 from tensegrity_interfaces.msg import TwinState
-from tensegrity_lab.bags.replay import events_of, model_of
+from tensegrity_lab.bags.replay import events_of, model_of, start_of
 from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.message_types import message_class
 from tensegrity_lab.stack.processes import Stack, wait_until
+from tensegrity_lab.stack.ros_thread import Spinner
 from tensegrity_robot.ros.cdr import wire_bytes
-from tensegrity_robot.ros.discovery import set_discovery
+from tensegrity_robot.ros.node_process import own_context
 from tensegrity_robot.ros.topics import TOPICS, TWIN_STATE
 
 TOLD = {topic.name: topic.profile for topic in TOPICS if topic.told_by == "bridge" and not topic.name.startswith("/")}
 """Topics that are played. Not the twin's: it makes its own again."""
 STREAM = ("bridge/struts_sent", "bridge/face")
-TWIN = "twin/state"
 MOST_PAUSE_S = 600.0
 """Recorded time in which nothing was told, such as while a link was lost, beyond which playing goes on."""
 LOOK_S = 3.0
@@ -63,22 +60,19 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
         BagError, ReplayError: the bag cannot be read, or be a bridge's.
         StackError: a bridge lives, or the twin does not come up.
     """
-    read = read_bag(bag, topics=(*TOLD, TWIN))
+    read = read_bag(bag, topics=(*TOLD, "twin/state"))
     session = read.session()
     types = _types(read)
-    states = [m for m in session.of(TWIN) if m.last_seq > 0]
-    first_seq = states[0].first_seq if states else 0
-    before = [m.face for m in session.of("bridge/face") if m.seq < first_seq and m.face]
-    start = (before or [m.face for m in states if m.face] or ["TC6"])[-1 if before else 0]
+    first_seq, start = start_of(session)
     due = _due(session, first_seq)
     rate = min(rate, MOST_TIME_SCALE / max(1.0, _time_scale(session)))
-    set_discovery()
     with ExitStack() as closing:
         folder = Path(closing.enter_context(tempfile.TemporaryDirectory(prefix="sixstrut-play-")))
-        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
-        closing.callback(rclpy.try_shutdown)
-        node = Node("sixstrut_player")
-        closing.callback(node.destroy_node)
+        context = own_context()
+        closing.callback(context.try_shutdown)
+        spinner = Spinner(Node("sixstrut_player", context=context), context)
+        closing.callback(spinner.close)
+        node = spinner.node
         _require_no_bridge(node)
         publishers = {name: node.create_publisher(message_class(type_name), name, TOLD[name]) for name, type_name in types.items()}
         if not twin:
@@ -88,14 +82,12 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
             (folder / "prototype.yaml").write_bytes(session.attachments["prototype.yaml"])
             parameters["prototype_file"] = folder / "prototype.yaml"
         stack = closing.enter_context(Stack(folder / "logs"))
-        newest: list[TwinState] = []
-        TWIN_STATE.subscribe(node, lambda message: newest.__setitem__(slice(None), [message]))
-        _spin(node, closing)
+        newest: deque[TwinState] = deque(maxlen=1)
+        TWIN_STATE.subscribe(node, lambda state: newest.append(state))
         stack.node("twin", **parameters)
-        for name in STREAM:
-            if name in publishers:
-                ready = publishers[name]
-                wait_until(lambda ready=ready: ready.get_subscription_count() > 0, DISCOVERY_LIMIT_S, "the twin", stack)  # type: ignore[misc]
+        streams = [publishers[name] for name in STREAM if name in publishers]
+        met = lambda: all(stream.get_subscription_count() for stream in streams)  # noqa: E731
+        wait_until(met, DISCOVERY_LIMIT_S, "the twin", stack)
         wait_until(lambda: newest, DISCOVERY_LIMIT_S, "the twin's first state", stack)
         count = _publish(due, publishers, types, rate, told)
         last = max((m.message.seq for m in due if m.topic in STREAM), default=0)
@@ -110,20 +102,6 @@ def _require_no_bridge(node: Node) -> None:
         if node.count_publishers("bridge/struts_sent"):
             raise StackError("a bridge is running: nothing is played beside it; end it, or play in another ROS_DOMAIN_ID")
         time.sleep(0.02)
-
-
-def _spin(node: Node, closing: ExitStack) -> None:
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-
-    def spin() -> None:
-        with suppress(ExternalShutdownException):
-            executor.spin()
-
-    thread = threading.Thread(target=spin, daemon=True)
-    thread.start()
-    closing.callback(thread.join, 5.0)
-    closing.callback(executor.shutdown)
 
 
 def _live_name(topic: str) -> str:

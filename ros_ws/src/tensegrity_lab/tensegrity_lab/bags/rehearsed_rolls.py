@@ -11,10 +11,9 @@ from hardware_bridge.recording.bag_reader import BagError, Session, read_session
 from hardware_bridge.recording.bag_types import TOPICS
 from hardware_bridge.recording.session_bag import bag_folder
 from tensegrity_lab.bags.replay import model_of
-from tensegrity_lab.bags.rolls import Outcome, outcomes_of
+from tensegrity_lab.bags.rolls import Attempt, attempts_of
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
-from tensegrity_lab.session_data.record import Event, Line, utc_ns
-from tensegrity_lab.session_data.record import Outcome as Judged
+from tensegrity_lab.session_data.record import Event, Line, Outcome, utc_ns
 
 
 class Foretold(NamedTuple):
@@ -65,7 +64,7 @@ def newest() -> Path:
 def foretold_in(path: Path) -> list[Foretold]:
     """The rehearsed rolls of a bag, in order. Trials that an operator called void, or revoked, are left out. Raises BagError."""
     session = read_session(path, topics=TOPICS)
-    tries = outcomes_of(session, model_of(session).prototype.strut_length_m)
+    tries = attempts_of(session, model_of(session).prototype.strut_length_m)
     rehearsals = sorted(session.of("rehearsal"), key=lambda m: seconds_of(m.header.stamp))
     unsure = _unsure(lines_in_bag(path), tries)
     found = []
@@ -77,30 +76,23 @@ def foretold_in(path: Path) -> list[Foretold]:
     return found
 
 
-def _foretold(bag: str, rehearsal: Any, tried: Outcome) -> Foretold:
+def _foretold(bag: str, rehearsal: Any, tried: Attempt) -> Foretold:
     wanted = rehearsal.gaits[0]
+    gait = rehearsal.source_face, wanted.target_face, wanted.primitive
     likely = wanted.faces[0] if wanted.faces else ""
     return Foretold(
-        bag,
-        rehearsal.source_face,
-        wanted.target_face,
-        wanted.primitive,
-        float(wanted.odds),
-        int(wanted.members),
-        likely,
-        tried.succeeded(wanted.target_face),
-        tried.returned,
+        bag, *gait, float(wanted.odds), int(wanted.members), likely, tried.succeeded(wanted.target_face), tried.returned
     )
 
 
-def _looked(session: Session, tried: Outcome) -> bool:
+def _looked(session: Session, tried: Attempt) -> bool:
     """Somebody saw where the robot stood after this roll was asked for: else nobody knows how it ended."""
     return any(m.settled and seconds_of(m.header.stamp) > tried.began_s for m in session.of("bridge/face"))
 
 
-def _unsure(lines: Sequence[Line], tries: Sequence[Outcome]) -> set[Outcome]:
+def _unsure(lines: Sequence[Line], tries: Sequence[Attempt]) -> set[Attempt]:
     """Tries of trials that are void or were revoked: the first one after each of them began."""
     revoked = {line.number for line in lines if line.event is Event.REVOKE}
-    void = [line for line in lines if line.event is Event.TRIAL and (line.outcome is Judged.VOID or line.number in revoked)]
+    void = [line for line in lines if line.event is Event.TRIAL and (line.outcome is Outcome.VOID or line.number in revoked)]
     after = [[one for one in tries if one.began_s >= 1e-9 * utc_ns(line.began)] for line in void]
     return {rest[0] for rest in after if rest}

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from hardware_bridge.errors import BridgeError
-from hardware_bridge.recording.bag_reader import Session
+from hardware_bridge.recording.bag_reader import Session, seconds_of
 from sim_core.dynamics.actuators import ActuatorParameters
 from sim_core.dynamics.model import Model, build_model
 from sim_core.dynamics.robot import Robot
@@ -78,18 +78,15 @@ class Replay:
     origin_s: float = 0.0
 
 
-def prototype_in(data: bytes, path: Path) -> Prototype:
-    """The prototype that is attached to a bag. Raises ParameterError, YamlError."""
-    where = f"{path}: prototype.yaml"
-    return parse_prototype(parse_yaml(data, where), where)
+def prototype_of(session: Session) -> Prototype:
+    """The prototype that is attached to a bag; the nominal one if none is. Raises ParameterError, YamlError."""
+    data, where = session.attachments.get("prototype.yaml"), f"{session.path}: prototype.yaml"
+    return load_prototype() if data is None else parse_prototype(parse_yaml(data, where), where)
 
 
 def model_of(session: Session) -> Model:
-    """The model whose parameters the bag holds; the nominal one if it holds none."""
-    data = session.attachments.get("prototype.yaml")
-    if data is None:
-        return build_model(load_prototype())
-    return build_model(prototype_in(data, session.path))
+    """The model whose parameters the bag holds. Raises as `prototype_of`."""
+    return build_model(prototype_of(session))
 
 
 def require_same_model(session: Session, model: Model) -> None:
@@ -169,9 +166,7 @@ def replay(
     events = events_of(session, model.prototype.strut_length_m)
     live = {m.last_seq: m for m in session.of("twin/state") if m.last_seq > 0}
     sources = {m.seq: m.source for m in session.of("bridge/face")}
-    first_seq = min((m.first_seq for m in live.values()), default=events[0].seq)
-    before = [e for e in events if isinstance(e, Observed) and e.seq < first_seq and e.face]
-    start = (before[-1].face if before else None) or _start_face(session)
+    first_seq, start = start_of(session)
     events = [event for event in events if event.seq >= first_seq]
     follower = Follower(model, start, actuators)
     result = Replay(model_hash=follower.identity)
@@ -203,5 +198,21 @@ def replay(
     return result
 
 
-def _start_face(session: Session) -> str:
-    return next((m.face for m in session.of("twin/state") if m.face), "TC6")
+def start_of(session: Session) -> tuple[int, str]:
+    """Number of the event with which the live twin began, and the face on which; without a live twin 0 and TC6."""
+    states = [m for m in session.of("twin/state") if m.last_seq > 0]
+    first_seq = min((m.first_seq for m in states), default=0)
+    before = sorted((m.seq, m.face) for m in session.of("bridge/face") if m.seq < first_seq and m.face)
+    told = (m.face for m in session.of("twin/state") if m.face)
+    return first_seq, before[-1][1] if before else next(told, "TC6")
+
+
+def observed_path(session: Session, origin_s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Robot times (s, from `origin_s`) and joints (n, 12, 3) as the observer saw them."""
+    sent = list(session.of("bridge/struts_sent"))
+    stamps = np.array([seconds_of(m.header.stamp) for m in sent])
+    robot_s = np.array([m.robot_time_ns / 1e9 for m in sent])
+    seen = [m for m in session.of("bridge/observed_joints") if len(m.poses) >= 12]
+    times = np.interp([seconds_of(m.header.stamp) for m in seen], stamps, robot_s) - origin_s if sent and seen else np.zeros(0)
+    joints = [[(p.position.x, p.position.y, p.position.z) for p in m.poses[:12]] for m in seen]
+    return times, np.array(joints).reshape(-1, 12, 3)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 from hardware_bridge.recording.bag_reader import BagError, Session, seconds_of
 
 
-class Outcome(NamedTuple):
+class Attempt(NamedTuple):
     """One try of a gait.
 
     The face before, the policy in mm, the faces seen at rest after actuation and after the return; when it was asked for (s, ROS
@@ -26,7 +26,7 @@ class Outcome(NamedTuple):
         return self.actuated == self.returned == target
 
 
-def outcomes_of(session: Session, mid_stroke_m: float) -> list[Outcome]:
+def attempts_of(session: Session, mid_stroke_m: float) -> list[Attempt]:
     """Every try of a bag, in order. A try is an accepted goal away from mid stroke; the next goal ends its actuation.
 
     Raises:
@@ -54,5 +54,5 @@ def outcomes_of(session: Session, mid_stroke_m: float) -> list[Outcome]:
             continue
         returned = moves[number + 1][0] if number + 1 < len(moves) else float("inf")
         ended = moves[number + 2][0] if number + 2 < len(moves) else float("inf")
-        tries.append(Outcome(last_before(began), policy, last_before(returned, began), last_before(ended, returned), began))
+        tries.append(Attempt(last_before(began), policy, last_before(returned, began), last_before(ended, returned), began))
     return tries

@@ -16,10 +16,9 @@ from sim_core.dynamics.model import Model, build_model
 from sim_core.errors import SimError
 from sim_core.files.yaml_reader import parse_yaml
 from sim_core.gaits.library import Gait, Library, gait_of, parse_library
-from sim_core.structure.parameters import Prototype, load_prototype, with_value
+from sim_core.structure.parameters import with_value
 from sim_core.twin.follower import Follower
-from tensegrity_lab.bags.observed_path import observed_path
-from tensegrity_lab.bags.replay import possible, prototype_in, sent_of
+from tensegrity_lab.bags.replay import observed_path, possible, prototype_of, sent_of
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
 from tensegrity_lab.session_data.record import Event, Line, Outcome, utc_ns
@@ -101,8 +100,7 @@ def changed_model(session: Session, changes: Mapping[str, float], actuators: Act
     Raises:
         SimError: no such parameter, or a value that is not valid.
     """
-    data = session.attachments.get("prototype.yaml")
-    robot: Prototype = load_prototype() if data is None else prototype_in(data, session.path)
+    robot = prototype_of(session)
     # the lower of two that are bound to each other first, so that neither passes the other on the way
     for name in sorted(changes, key=lambda name: changes[name]):
         robot = with_value(robot, SHORT_NAMES.get(name, name), changes[name])
@@ -162,16 +160,9 @@ def replay_trial(bag: Bag, line: Line, model: Model) -> Course:
     if returned is not None and returned != faces[-1]:
         faces.append(returned)
     seen_s, seen = observed_path(session, began_s)
-    return Course(
-        line,
-        actuated,
-        returned,
-        tuple(faces),
-        seen_s,
-        _apart(np.array(times), np.array(twin), seen_s, seen),
-        np.array(times[1:]),
-        np.array([message.length_m for message in sent]),
-    )
+    apart_m = _apart(np.array(times), np.array(twin), seen_s, seen)
+    lengths_m = np.array([message.length_m for message in sent])
+    return Course(line, actuated, returned, tuple(faces), seen_s, apart_m, np.array(times[1:]), lengths_m)
 
 
 def _return_time(session: Session, sent: Sequence[Any]) -> float:

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import threading
 import time
-from types import TracebackType
 
 import numpy as np
 
@@ -20,28 +19,20 @@ LATE_S = 0.2
 
 
 class Eyes:
-    """What an observer sees of the struts; without an observer, nothing."""
+    """What the virtual prototype's observer sees of the struts."""
 
-    def __init__(self, observer: str | None, time_scale: float):
-        self._observer = observer
+    def __init__(self, observer: str, time_scale: float):
         self._lateness = Lateness(time_scale)
-        self._client: ObserverClient | None = None
         self._news = threading.Condition()
         self._newest: Observation | None = None
+        self._client = ObserverClient(observer, self._see)
 
-    def __enter__(self) -> Eyes:
-        if self._observer is not None:
-            self._client = ObserverClient(self._observer, self._see)
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        if self._client is not None:
-            self._client.close()
+    def close(self) -> None:
+        """Look no longer."""
+        self._client.close()
 
     def length_mm(self, strut: str) -> float | None:
-        """Distance between a strut's nodes now, to 0.1 mm, once the robot is at rest; None if nobody sees it."""
-        if self._client is None:
-            return None
+        """Distance between a strut's nodes now, to 0.1 mm, once the robot is at rest; None: it was not seen."""
         asked_s, first, second = time.monotonic(), *STRUTS[int(strut[1:]) - 1]
         with self._news:
             self._news.wait_for(lambda: self._is_at_rest(asked_s), REST_LIMIT_S)

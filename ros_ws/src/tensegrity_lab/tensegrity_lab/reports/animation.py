@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,11 +15,12 @@ import numpy as np
 from sim_core.dynamics.robot import Robot
 from sim_core.structure.topology import FACES, STRUTS, TENDONS
 from tensegrity_lab.bags.replay import ReplayError
-from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure
+from tensegrity_lab.reports.figure import STRUT_COLORS, halo, new_figure
 
 FRAMES_PER_S = 15
 LONGEST_REST_S = 0.7
 """Robot time that is shown of a rest."""
+LAST_MS = 900
 STILL_M = 2e-4
 """Between two moments; less is rest."""
 WIDTH_IN, HEIGHT_IN, DPI = 7.2, 4.6, 100
@@ -27,8 +29,8 @@ EYE = np.array([0.62, -0.95, 0.55])
 LOOSE, TIGHT = np.array([0.55, 0.66, 0.76]), np.array([0.90, 0.38, 0.12])
 
 
-Part = tuple[float, Callable[[float], Any]]
-"""How far it is, and what draws it at a place in the order."""
+Part = tuple[float, Callable[..., Any]]
+"""How far it is, and what draws it at a `zorder`."""
 
 
 class Moment(NamedTuple):
@@ -72,11 +74,8 @@ def animate(moments: Sequence[Moment], stands: Sequence[Stand], path: Path, titl
     shown = _frames(moments, round(seconds * FRAMES_PER_S))
     scene = Scene(moments, stands, title)
     images = [Image.open(io.BytesIO(scene.png(moment))).convert("RGB") for moment in shown]
-    last_ms = 900
-    durations = [1000 // FRAMES_PER_S] * (len(images) - 1) + [last_ms]
-    images[0].save(
-        path, save_all=True, append_images=images[1:], duration=durations, loop=0, quality=70, method=4
-    )  # fmt: skip
+    durations = [1000 // FRAMES_PER_S] * (len(images) - 1) + [LAST_MS]
+    images[0].save(path, save_all=True, append_images=images[1:], duration=durations, loop=0, quality=70, method=4)
     return len(images)
 
 
@@ -90,13 +89,6 @@ def _frames(moments: Sequence[Moment], count: int) -> list[Moment]:
         clock.append(clock[-1] + (step if moves or rested <= LONGEST_REST_S else 0.0))
     wanted = np.linspace(0.0, clock[-1], count)
     return [moments[at] for at in np.searchsorted(clock, wanted).clip(0, len(moments) - 1)]
-
-
-def halo() -> Any:
-    """White around letters."""
-    from matplotlib.patheffects import withStroke
-
-    return withStroke(linewidth=2.5, foreground="white", alpha=0.8)
 
 
 class Scene:
@@ -178,17 +170,9 @@ class Scene:
         way = self._way[self._times <= moment.time_s] * (1.0, 1.0, 0.0)
         if len(way) > 1:
             axes.plot(*self.flat(way)[:, :2].T, color="#d55e00", lw=1.6, alpha=0.9, zorder=3)
-        shadow = moment.joints_m * (1.0, 1.0, 0.0)
-        axes.add_collection(
-            LineCollection(
-                [self.flat(shadow[list(pair)])[:, :2] for pair in STRUTS],
-                colors="#8a949e",
-                linewidths=5,
-                alpha=0.18,
-                capstyle="round",
-                zorder=2,
-            )
-        )
+        shadow = [self.flat(moment.joints_m[list(pair)] * (1.0, 1.0, 0.0))[:, :2] for pair in STRUTS]
+        style: dict[str, Any] = {"colors": "#8a949e", "linewidths": 5, "alpha": 0.18, "capstyle": "round", "zorder": 2}
+        axes.add_collection(LineCollection(shadow, **style))
 
     def draw_robot(self, axes: Any, moment: Moment) -> None:
         """Farthest first."""
@@ -198,10 +182,10 @@ class Scene:
             flat = self.flat([a, b])
             near = 1.0 / (flat[:, 2].mean() / np.linalg.norm(EYE))
 
-            def draw(order: float) -> None:
+            def draw(zorder: float) -> None:
                 if edge:
-                    axes.plot(*flat[:, :2].T, color="#22303c", lw=(width + edge) * near, solid_capstyle="round", zorder=order)
-                axes.plot(*flat[:, :2].T, color=color, lw=width * near, solid_capstyle="round", zorder=order + 0.0005)
+                    axes.plot(*flat[:, :2].T, color="#22303c", lw=(width + edge) * near, solid_capstyle="round", zorder=zorder)
+                axes.plot(*flat[:, :2].T, color=color, lw=width * near, solid_capstyle="round", zorder=zorder + 0.0005)
 
             parts.append((float(flat[:, 2].mean()), draw))
 
@@ -215,25 +199,21 @@ class Scene:
             body = joints[a] + way * (0.62 * self._rest_m / np.linalg.norm(way))  # the actuator's body stays as long as it is
             line(body, joints[b], "#c9d1d8", 3.4, 1.2)
             line(joints[a], body, STRUT_COLORS[strut], 7.0, 1.4)
-        parts += [self._knob(axes, joint) for joint in joints]
-        parts += self._box(axes, moment.box_m)
+        for joint in joints:
+            x, y, far = self.flat(joint)[0]
+            style = {"ms": 5.2, "mfc": "#f7f9fa", "mec": "#22303c", "mew": 1.0}
+            parts.append((far - 0.004, partial(axes.plot, x, y, "o", **style)))
+        for axis, shade in enumerate(("#46525e", "#36404a", "#5d6b78")):
+            parts.append(self._box_side(axes, moment.box_m, axis, shade))
         for order, (_, draw) in enumerate(sorted(parts, key=lambda part: -part[0])):
-            draw(10.0 + 0.01 * order)
+            draw(zorder=10.0 + 0.01 * order)
 
-    def _knob(self, axes: Any, joint_m: np.ndarray) -> Part:
-        x, y, far = self.flat(joint_m)[0]
-        style = {"ms": 5.2, "mfc": "#f7f9fa", "mec": "#22303c", "mew": 1.0}
-        return float(far) - 0.004, lambda order: axes.plot(x, y, "o", zorder=order, **style)
-
-    def _box(self, axes: Any, middle_m: np.ndarray, half_m: float = 0.019) -> list[Part]:
-        """The control box, as a cube whose faces that look away are not drawn."""
-        return [self._box_side(axes, middle_m, half_m, axis, shade) for axis, shade in enumerate(("#46525e", "#36404a", "#5d6b78"))]
-
-    def _box_side(self, axes: Any, middle_m: np.ndarray, half_m: float, axis: int, shade: str) -> Part:
+    def _box_side(self, axes: Any, middle_m: np.ndarray, axis: int, shade: str, half_m: float = 0.019) -> Part:
+        """Of the control box: that side of the two across an axis which looks at the camera."""
         corners = np.array([(1, 1), (1, -1), (-1, -1), (-1, 1)], dtype=float)
         side = np.insert(corners, axis, np.sign((self.eye_m - middle_m)[axis]), axis=1) * half_m + middle_m
         flat = self.flat(side)
-        return float(flat[:, 2].mean()), lambda order: axes.fill(*flat[:, :2].T, fc=shade, ec="#22303c", lw=0.7, zorder=order)
+        return float(flat[:, 2].mean()), partial(axes.fill, *flat[:, :2].T, fc=shade, ec="#22303c", lw=0.7)
 
     def _draw_lengths(self, moment: Moment) -> None:
         """Title, and six bars: how far each strut is from mid stroke."""

@@ -4,19 +4,17 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 
-from sim_core.errors import SimError
+from sim_core.studies.binomial_intervals import Rate, rate_of
 
 RESAMPLES = 9_999
 SEED = 20_230_401
 Floats = NDArray[np.float64]
-Integers = NDArray[np.int64]
 
 
 class MannWhitney(NamedTuple):
@@ -38,20 +36,16 @@ class MannWhitney(NamedTuple):
     n_b: int
 
 
-def mann_whitney(a: Sequence[float], b: Sequence[float], seed: int = SEED) -> MannWhitney:
-    """Compare two samples (Mann and Whitney 1947). Ties are corrected for; scipy's "exact" p, which ignores them, is not used.
-
-    Raises:
-        SimError: a sample is empty.
-    """
-    x, y = _sample(a, "first"), _sample(b, "second")
+def mann_whitney(a: Sequence[float], b: Sequence[float]) -> MannWhitney:
+    """Compare two samples (Mann and Whitney 1947). Ties are corrected for; scipy's "exact" p, which ignores them, is not used."""
+    x, y = np.asarray(a, dtype=float), np.asarray(b, dtype=float)
     ranks = stats.rankdata(np.concatenate([x, y]))
     n, m = len(x), len(y)
     u = float(ranks[:n].sum() - n * (n + 1) / 2)
     if np.ptp(ranks) == 0.0:
         return MannWhitney(u, 1.0, 1.0, 0.5, n, m)
     p = float(stats.mannwhitneyu(x, y, alternative="two-sided", method="asymptotic", use_continuity=True).pvalue)
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(SEED)
     shuffled = rng.permuted(np.tile(ranks, (RESAMPLES, 1)), axis=1)[:, :n].sum(axis=1) - n * (n + 1) / 2
     as_far = np.abs(shuffled - n * m / 2) >= abs(u - n * m / 2) - 1e-9
     return MannWhitney(u, p, (1 + int(as_far.sum())) / (1 + RESAMPLES), u / (n * m), n, m)
@@ -64,18 +58,17 @@ class Normality(NamedTuple):
     p: float
 
 
-def lilliefors(values: Sequence[float], seed: int = SEED) -> Normality | None:
+def lilliefors(values: Sequence[float]) -> Normality | None:
     """Kolmogorov–Smirnov test of normality with estimated mean and variance (Lilliefors 1967), p by seeded Monte Carlo.
 
     The plain test's p would be far too large, as mean and variance are the sample's own. None: fewer than 4 values, or all equal.
     """
-    x = _sample(values, "only")
+    x = np.asarray(values, dtype=float)
     if len(x) < 4 or np.ptp(x) == 0.0:
         return None
-    rng = np.random.default_rng(seed)
-    result = stats.monte_carlo_test(
-        x, lambda size: rng.standard_normal(size), _normal_distance, vectorized=True, n_resamples=RESAMPLES, alternative="greater"
-    )
+    rng = np.random.default_rng(SEED)
+    how = {"vectorized": True, "n_resamples": RESAMPLES, "alternative": "greater"}
+    result = stats.monte_carlo_test(x, rng.standard_normal, _normal_distance, **how)
     return Normality(float(result.statistic), float(result.pvalue))
 
 
@@ -114,12 +107,8 @@ def two_kinds(strata: Sequence[int], first: Sequence[bool], wins: Sequence[bool]
     s, kind, won = np.asarray(strata), np.asarray(first, dtype=bool), np.asarray(wins, dtype=bool)
     excess, variance = _excess(s, kind, won)
     chi2 = float(excess**2 / variance) if variance > 0.0 else float("nan")
-    return TwoKinds(
-        chi2,
-        float(stats.chi2.sf(chi2, 1)),
-        (int(won[kind].sum()), int(won[~kind].sum())),
-        (int(kind.sum()), int((~kind).sum())),
-    )
+    counts = (int(won[kind].sum()), int(won[~kind].sum())), (int(kind.sum()), int((~kind).sum()))
+    return TwoKinds(chi2, float(stats.chi2.sf(chi2, 1)), *counts)
 
 
 def _excess(strata: NDArray[np.generic], chosen: NDArray[np.bool_], won: NDArray[np.bool_]) -> tuple[float, float]:
@@ -142,14 +131,13 @@ class ManyKinds(NamedTuple):
     kinds: int
 
 
-def many_kinds(strata: Sequence[int], kinds: Sequence[int], wins: Sequence[bool], seed: int = SEED) -> ManyKinds | None:
+def many_kinds(strata: Sequence[int], kinds: Sequence[int], wins: Sequence[bool]) -> ManyKinds | None:
     """Permutation test: outcomes are shuffled among the trials of each stratum (a primitive).
 
     Args:
         strata: which stratum each trial is of.
         kinds: which kind (a pair of faces) each trial is of.
         wins: whether each trial succeeded.
-        seed: of the permutations.
 
     None: no stratum has two kinds and two outcomes.
     """
@@ -168,7 +156,7 @@ def many_kinds(strata: Sequence[int], kinds: Sequence[int], wins: Sequence[bool]
     def statistic(outcomes: NDArray[np.bool_]) -> Floats:
         return (((outcomes @ onto) - expected[tells]) ** 2 / variance[tells]).sum(axis=-1)
 
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(SEED)
     observed = float(statistic(won[None, :])[0])
     shuffled = np.tile(won, (RESAMPLES, 1))
     for stratum in np.unique(s):
@@ -185,7 +173,7 @@ class Interval(NamedTuple):
     high: float
 
 
-def bootstrap_by_prototype(prototypes: Sequence[int], wins: Sequence[bool], seed: int = SEED) -> Interval | None:
+def bootstrap_by_prototype(prototypes: Sequence[int], wins: Sequence[bool]) -> Interval | None:
     """Interval of a success rate, with whole prototypes drawn anew (cluster bootstrap, percentiles 2.5 and 97.5).
 
     Trials on one prototype share its errors, so they are not independent. None: there is one prototype only.
@@ -195,10 +183,19 @@ def bootstrap_by_prototype(prototypes: Sequence[int], wins: Sequence[bool], seed
     if len(every) < 2:
         return None
     sums = np.array([[won[p == one].sum(), (p == one).sum()] for one in every])
-    drawn = np.random.default_rng(seed).integers(len(every), size=(RESAMPLES, len(every)))
+    drawn = np.random.default_rng(SEED).integers(len(every), size=(RESAMPLES, len(every)))
     totals = sums[drawn].sum(axis=1)
     low, high = np.percentile(totals[:, 0] / totals[:, 1], [2.5, 97.5])
     return Interval(float(low), float(high))
+
+
+class Bin(NamedTuple):
+    """Trials whose predicted probability is of one range: its bounds, the mean of the predictions, and what came."""
+
+    low: float
+    high: float
+    expected: float
+    rate: Rate
 
 
 class Calibration(NamedTuple):
@@ -207,35 +204,29 @@ class Calibration(NamedTuple):
     Attributes:
         brier: mean squared difference (0: perfect; 0.25: a coin).
         expected, observed: mean probability, share of successes.
-        bins: (low, high, trials, mean probability, share of successes) of every range of probabilities that has trials.
+        bins: every range of probabilities that has trials.
     """
 
     brier: float
     expected: float
     observed: float
-    bins: tuple[tuple[float, float, int, float, float], ...]
+    bins: tuple[Bin, ...]
 
 
 EDGES = (0.0, 0.5, 0.7, 0.8, 0.9, 0.95, 1.0)
 
 
-def calibration(odds: Sequence[float], wins: Sequence[bool]) -> Calibration | None:
+def calibration(probabilities: Sequence[float], wins: Sequence[bool]) -> Calibration | None:
     """Compare predicted probabilities with outcomes (Brier 1950); trials without a prediction (NaN) are left out. None: all are."""
-    p, won = np.asarray(odds, dtype=float), np.asarray(wins, dtype=float)
+    p, won = np.asarray(probabilities, dtype=float), np.asarray(wins, dtype=bool)
     told = ~np.isnan(p)
     p, won = p[told], won[told]
     if not len(p):
         return None
+    places = np.clip(np.searchsorted(EDGES, p, side="right") - 1, 0, len(EDGES) - 2)
     bins = []
-    for low, high in pairwise(EDGES):
-        inside = (p >= low) & ((p < high) | (high == EDGES[-1]))
-        if inside.any():
-            bins.append((low, high, int(inside.sum()), float(p[inside].mean()), float(won[inside].mean())))
+    for place in np.unique(places):
+        own = places == place
+        rate = rate_of(int(won[own].sum()), int(own.sum()))
+        bins.append(Bin(EDGES[place], EDGES[place + 1], float(p[own].mean()), rate))
     return Calibration(float(((p - won) ** 2).mean()), float(p.mean()), float(won.mean()), tuple(bins))
-
-
-def _sample(values: Sequence[float], which: str) -> Floats:
-    x = np.asarray(values, dtype=float)
-    if x.ndim != 1 or not len(x):
-        raise SimError(f"the {which} sample has shape {x.shape}: valid is a list of one number or more")
-    return x

@@ -3,9 +3,8 @@
 
 from __future__ import annotations
 
-import csv
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from sim_core.studies.binomial_intervals import EXCHANGEABLE, ONE_GAIT, Rate
 from sim_core.studies.robustness import Study
 from sim_core.studies.tasks import Cost
 from sim_core.uncertainty.distribution import GROUPS, OURS
-from tensegrity_lab.terminal.tables import cell_of
+from tensegrity_lab.session_data.csv_tables import write_table
 
 WORST = 8
 """Gaits to name."""
@@ -34,14 +33,14 @@ def head_of(library: Library, study: Study) -> str:
     )
 
 
-def assumption_of(study: Study) -> str:
-    """What the intervals take for granted."""
-    return ONE_GAIT if study.plan.one_gait else EXCHANGEABLE
-
-
 def shown(rate: Rate) -> str:
     """A rate with its interval, in %."""
     return f"{100 * rate.value:6.2f} %  [{100 * rate.low:6.2f}, {100 * rate.high:6.2f}]"
+
+
+def spread(rate: Rate) -> str:
+    """Counts, rate and interval."""
+    return f"{rate.successes} of {rate.trials}, {shown(rate).strip()}"
 
 
 def text_of(library: Library, study: Study, blame: Attribution | None, wall_s: float) -> str:
@@ -51,12 +50,12 @@ def text_of(library: Library, study: Study, blame: Attribution | None, wall_s: f
     for primitive, rate, gaits, rolls in sorted(rows, key=lambda row: -row[1].value):
         weakest = min(range(len(gaits)), key=lambda g: gaits[g].value)
         source, target = rolls[weakest]
-        weak = f"{source}→{target} {100 * gaits[weakest].value:.0f} %"
+        weak = f"{source}→{target} {gaits[weakest].successes} of {gaits[weakest].trials}"
         lines.append(f"{primitive.name:<12} {primitive.roll_class.name:<8} {shown(rate)}  {weak}")
-    lines += ["", f"primitives: {study.counts.words}", f"all trials: {shown(study.overall)} of {study.overall.trials}"]
+    lines += ["", f"primitives: {study.counts.words}", f"all trials: {spread(study.overall)}"]
     if blame is not None:
         lines += ["", *_blame_lines(blame, study)]
-    lines += ["", cost_line(study.cost, wall_s), "", assumption_of(study), VIRTUAL]
+    lines += ["", cost_line(study.cost, wall_s), "", ONE_GAIT if study.plan.one_gait else EXCHANGEABLE, VIRTUAL]
     ours = [name for name in study.plan.law.groups if GROUPS[name].source == OURS]
     if ours:
         lines.append(f"The range of {', '.join(ours)} is a stand-in of ours.")
@@ -94,7 +93,6 @@ def cost_line(cost: Cost, wall_s: float) -> str:
 def document_of(library: Library, study: Study, blame: Attribution | None, wall_s: float) -> dict[str, Any]:
     """The whole study for scripts."""
     plan = study.plan
-    killers = blame.killers_by_gait(study) if blame else {}
     return {
         "library": library.name,
         "library_hash": library.hash,
@@ -105,14 +103,8 @@ def document_of(library: Library, study: Study, blame: Attribution | None, wall_
         "one_gait": plan.one_gait,
         "overall": rate_document(study.overall),
         "counts": study.counts._asdict(),
-        "primitives": [
-            {"name": p.name, "class": p.roll_class.name, "policy_mm": list(p.policy), **rate_document(rate)}
-            for p, rate in zip(study.primitives, study.rates, strict=True)
-        ],
-        "gaits": [
-            {"primitive": p.name, "source": s, "target": t, **rate_document(rate), "killers": dict(killers.get(name, {}))}
-            for p, s, t, rate, name in gait_rows(study)
-        ],
+        "primitives": _primitive_rows(study),
+        "gaits": _gait_rows(study, blame),
         "uncertainties": None
         if blame is None
         else {
@@ -122,7 +114,7 @@ def document_of(library: Library, study: Study, blame: Attribution | None, wall_
             "groups": [row._asdict() for row in blame.blames],
         },
         "cost": {**study.cost._asdict(), "wall_s": wall_s},
-        "notes": [assumption_of(study), VIRTUAL],
+        "notes": [ONE_GAIT if study.plan.one_gait else EXCHANGEABLE, VIRTUAL],
     }
 
 
@@ -131,30 +123,30 @@ def rate_document(rate: Rate) -> dict[str, float]:
     return {"successes": rate.successes, "trials": rate.trials, "rate": rate.value, "low": rate.low, "high": rate.high}
 
 
-def gait_rows(study: Study) -> Iterator[tuple[Any, str, str, Rate, str]]:
-    """(primitive, source, target, rate, gait's name) of every gait."""
-    for primitive, rolls, rates in zip(study.primitives, study.gaits, study.gait_rates, strict=True):
-        for (source, target), rate in zip(rolls, rates, strict=True):
-            yield primitive, source, target, rate, gait_of(primitive, source, target).name
+def _primitive_rows(study: Study) -> list[dict[str, Any]]:
+    return [
+        {"name": p.name, "class": p.roll_class.name, "policy_mm": p.policy, **rate_document(rate)}
+        for p, rate in zip(study.primitives, study.rates, strict=True)
+    ]
+
+
+def _gait_rows(study: Study, blame: Attribution | None) -> list[dict[str, Any]]:
+    killers = blame.killers_by_gait(study) if blame else {}
+    return [
+        {"primitive": p.name, "source": source, "target": target, **rate_document(rate)}
+        | {"killers": killers.get(gait_of(p, source, target).name, Counter())}
+        for p, rolls, rates in zip(study.primitives, study.gaits, study.gait_rates, strict=True)
+        for (source, target), rate in zip(rolls, rates, strict=True)
+    ]
 
 
 def write_tables(study: Study, blame: Attribution | None, folder: Path) -> list[Path]:
-    """Write trials.csv, primitives.csv and gaits.csv; their paths."""
+    """Write primitives.csv, gaits.csv and trials.csv; their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    killers = blame.killers_by_gait(study) if blame else {}
-    primitives = [
-        {"primitive": p.name, "class": p.roll_class.name, "policy_mm": " ".join(map(str, p.policy)), **rate_document(rate)}
-        for p, rate in zip(study.primitives, study.rates, strict=True)
-    ]
-    gaits = [
-        {"primitive": p.name, "source": s, "target": t, **rate_document(rate), "killers": _counted(killers.get(name, Counter()))}
-        for p, s, t, rate, name in gait_rows(study)
-    ]
-    return [
-        write_table(folder / "primitives.csv", primitives),
-        write_table(folder / "gaits.csv", gaits),
-        write_table(folder / "trials.csv", _trial_rows(study)),
-    ]
+    primitives = ({"primitive": row.pop("name"), **row} for row in _primitive_rows(study))
+    gaits = ({**row, "killers": _counted(row["killers"])} for row in _gait_rows(study, blame))
+    tables = {"primitives.csv": primitives, "gaits.csv": gaits, "trials.csv": _trial_rows(study)}
+    return [write_table(folder / name, rows) for name, rows in tables.items()]
 
 
 def _trial_rows(study: Study) -> Iterator[dict[str, Any]]:
@@ -175,15 +167,3 @@ def _trial_rows(study: Study) -> Iterator[dict[str, Any]]:
                     "duration_s": f"{study.duration_s[at]:.2f}",
                     "reason": study.reasons[study.reason[at]],
                 }
-
-
-def write_table(path: Path, rows: Iterable[dict[str, Any]]) -> Path:
-    """Write rows with the same keys as a CSV table, its first line the keys; the path. Raises OSError."""
-    with path.open("w", newline="", encoding="utf-8") as file:
-        table: csv.DictWriter[str] | None = None
-        for row in rows:
-            if table is None:
-                table = csv.DictWriter(file, list(row), lineterminator="\n")
-                table.writeheader()
-            table.writerow({name: cell_of(value) for name, value in row.items()})
-    return path

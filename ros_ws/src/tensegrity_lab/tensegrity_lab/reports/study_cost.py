@@ -87,6 +87,7 @@ def table_of(figures: Figures, prototypes: int = MILLION) -> str:
     core_s_a_trial = cost.core_s / cost.trials
     chunk_s, trials = f.chunk_rolls * core_s_a_trial, prototypes * f.primitives * GAITS
     core_hours, limit = trials * core_s_a_trial / 3600.0, chunk_s / f.task_s
+    back_gb = 1e-9 * trials * f.back_bytes / f.chunk_rolls
     rows: list[tuple[str, str]] = [
         ("robot-seconds a trial, settling included", f"{cost.robot_s / cost.trials:.1f}"),
         ("core-milliseconds a robot-second", f"{1e3 * cost.core_s / cost.robot_s:.2f}"),
@@ -102,7 +103,7 @@ def table_of(figures: Figures, prototypes: int = MILLION) -> str:
         ("the scheduler is saturated at, cores", f"{limit:,.0f}"),
         ("hours then, which more cores do not shorten", f"{core_hours / limit:,.2f}"),
         ("network there, MB/s", f"{(f.sent_bytes + f.back_bytes) / f.task_s / 1e6:.1f}"),
-        ("results at the client, GB (cut the study with --first beyond its memory)", f"{trials * back_a_trial(f) / 1e9:.1f}"),
+        ("results at the client, GB (cut the study with --first beyond its memory)", f"{back_gb:.1f}"),
     ]
     for count in (20, 1000, prototypes):
         n = count * GAITS
@@ -110,11 +111,6 @@ def table_of(figures: Figures, prototypes: int = MILLION) -> str:
         rows.append((f"95 % interval of a primitive at 97 %, {count:,} prototypes", f"± {50 * (rate.high - rate.low):.3f} %"))
     where = f"{platform.machine()}, {os.cpu_count()} processors, load average {os.getloadavg()[0]:.1f}"
     return table((f"figure, on {where}", ""), rows)
-
-
-def back_a_trial(figures: Figures) -> float:
-    """Bytes of one trial's outcome."""
-    return figures.back_bytes / figures.chunk_rolls
 
 
 def write_into(page: Path, table: str) -> None:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
+import numpy as np
+
 from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of
 from sim_core.studies.model_agreement import Agreement, compare
 from tensegrity_lab.errors import SessionError
@@ -41,53 +43,44 @@ class Told:
     Attributes:
         folder: the session.
         lines: every trial with its outcome, in order, revoked ones too.
-        revoked: their numbers.
-        damaged: lines cut short.
+        valid: successes and failures that stand.
+        voids: how many that stand are void.
+        revoked: numbers of those that do not.
     """
 
     folder: SessionFolder
     lines: list[Line]
+    valid: list[Line]
+    voids: int
     revoked: frozenset[int]
-    damaged: int
-
-    @property
-    def path(self) -> Path:
-        """The session's folder."""
-        return self.folder.path
-
-    @cached_property
-    def valid(self) -> list[Line]:
-        """Successes and failures that stand."""
-        return [line for line in self.lines if line.number not in self.revoked and line.outcome is not Outcome.VOID]
-
-    @property
-    def voids(self) -> list[Line]:
-        """Trials that stand and are void."""
-        return [line for line in self.lines if line.number not in self.revoked and line.outcome is Outcome.VOID]
 
 
 def read_told(path: Path) -> Told:
     """Read a session. Raises SessionError: it is none, or its ledger contradicts itself."""
     folder = open_session(path)
-    lines, damaged = read_lines(path / LEDGER) if (path / LEDGER).exists() else ([], 0)
+    lines = read_lines(path / LEDGER)[0] if (path / LEDGER).exists() else []
     standing = standing_of(lines)
-    return Told(folder, [line for line in lines if line.event is Event.TRIAL], standing.revoked, damaged)
+    ended = [line for line in lines if line.event is Event.TRIAL]
+    return Told(folder, ended, standing.valid, len(standing.trials) - len(standing.valid), standing.revoked)
 
 
 class Group:
     """Sessions that are reported together.
 
     Attributes:
+        letter: "a", or "b" for what the others are set against.
         sessions: in the order given.
         lines: all their valid trials.
         names: of the primitives, in the libraries' order.
         virtual: whether these are virtual trials.
+        label, title: for people, without and with the letter.
     """
 
-    def __init__(self, paths: Sequence[Path]):
+    def __init__(self, paths: Sequence[Path], letter: str = "a"):
         """Read them. Raises SessionError: nothing was tried yet, one was given twice, or virtual and real trials are mixed."""
+        self.letter = letter
         self.sessions = [read_told(path) for path in paths]
-        names = [told.path.resolve() for told in self.sessions]
+        names = [told.folder.path.resolve() for told in self.sessions]
         if len(set(names)) < len(names):
             raise SessionError(f"a session is given twice: {', '.join(map(str, paths))}")
         self.lines = [line for told in self.sessions for line in told.valid]
@@ -102,8 +95,8 @@ class Group:
         self.virtual = kinds.pop()
         libraries = {line.library_hash: line.library for line in self.lines}
         self._several = len(libraries) > 1
-        self.library = ", ".join(f"{name} ({key})" for key, name in libraries.items())
         self.label = f"{' + '.join(dict.fromkeys(libraries.values()))}{', virtual' if self.virtual else ''}"
+        self.title = f"({letter}) {self.label}"
         order = [
             self._name(told.folder.settings.library, told.folder.settings.library_hash, primitive.name)
             for told in self.sessions
@@ -133,10 +126,13 @@ class Group:
     @cached_property
     def rates(self) -> list[Rate]:
         """Of each primitive, with Clopper–Pearson intervals."""
-        return [self._rate([i for i, s in enumerate(self.strata) if s == index]) for index in range(len(self.names))]
+        return self._rates(self.strata, len(self.names))
 
-    def _rate(self, chosen: Sequence[int]) -> Rate:
-        return rate_of(sum(self.wins[i] for i in chosen), len(chosen))
+    def _rates(self, kinds: Sequence[int], count: int) -> list[Rate]:
+        """Of each of so many kinds of trials."""
+        trials = np.bincount(kinds, minlength=count)
+        wins = np.bincount(kinds, weights=self.wins, minlength=count)
+        return [rate_of(int(won), int(n)) for won, n in zip(wins, trials, strict=True)]
 
     @property
     def values(self) -> list[float]:
@@ -151,7 +147,7 @@ class Group:
     @property
     def overall(self) -> Rate:
         """Of all trials."""
-        return self._rate(range(len(self.lines)))
+        return rate_of(sum(self.wins), len(self.wins))
 
     @cached_property
     def robots(self) -> list[str]:
@@ -178,15 +174,19 @@ class Group:
         """Pairs of faces that were tried, sorted."""
         return sorted({(line.source, line.target) for line in self.lines})
 
+    @cached_property
+    def _pair_numbers(self) -> list[int]:
+        number = {pair: index for index, pair in enumerate(self.pairs)}
+        return [number[line.source, line.target] for line in self.lines]
+
     def pair_rates(self) -> list[Rate]:
         """Of each pair."""
-        return [self._rate([i for i, line in enumerate(self.lines) if (line.source, line.target) == pair]) for pair in self.pairs]
+        return self._rates(self._pair_numbers, len(self.pairs))
 
     @cached_property
     def gait_effect(self) -> ManyKinds | None:
         """Do the 24 pairs differ, within primitives?"""
-        number = {pair: index for index, pair in enumerate(self.pairs)}
-        return many_kinds(self.strata, [number[line.source, line.target] for line in self.lines], self.wins)
+        return many_kinds(self.strata, self._pair_numbers, self.wins)
 
     @cached_property
     def agreement(self) -> Agreement:
@@ -195,5 +195,5 @@ class Group:
 
     @cached_property
     def calibration(self) -> Calibration | None:
-        """The predicted odds against the outcome."""
+        """The predicted probability against the outcome."""
         return calibration([line.odds for line in self.lines], self.wins)

@@ -5,17 +5,18 @@ from __future__ import annotations
 
 import math
 import shlex
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from sim_core.studies.binomial_intervals import Rate
+from sim_core.structure.symmetry import carrier
 from tensegrity_lab.reports import html
-from tensegrity_lab.reports.hypothesis_tests import RESAMPLES, SEED, MannWhitney, mann_whitney
-from tensegrity_lab.reports.robustness_report import rate_document, shown, write_table
+from tensegrity_lab.reports.hypothesis_tests import RESAMPLES, SEED, mann_whitney
+from tensegrity_lab.reports.robustness_report import rate_document, spread
 from tensegrity_lab.reports.trial_analysis import PAPER, Group, Told
-from tensegrity_lab.reports.trial_plots import figure_8, gaits_picture, odds_picture
-from tensegrity_lab.session_data.record import COLUMNS, Line, row_of
+from tensegrity_lab.reports.trial_plots import calibration_picture, figure_8, gaits_picture
+from tensegrity_lab.session_data.csv_tables import cells_of, write_table
+from tensegrity_lab.session_data.record import Line
 
 VIRTUAL = (
     "These are virtual trials. The virtual prototype shares the model's equations, so they test the libraries and this software; "
@@ -29,7 +30,17 @@ EXCHANGEABLE = (
 )
 
 
-class Report:
+class Test(NamedTuple):
+    """One test. `group`: whose, "a", "b" or both. `statistic`, `p`: NaN: they cannot be computed, and `more` says why."""
+
+    group: str
+    test: str
+    statistic: float
+    p: float
+    more: str
+
+
+class TrialReport:
     """What a report holds, and how it is written.
 
     Attributes:
@@ -39,8 +50,8 @@ class Report:
 
     def __init__(self, sessions: Sequence[Path], against: Sequence[Path], command: str):
         """Read the sessions. `command`: that makes the report, for people. Raises SessionError, see `Group`."""
-        self.groups = [Group(sessions), *([Group(against)] if against else [])]
-        self.test: MannWhitney | None = mann_whitney(self.groups[0].values, self.groups[1].values) if against else None
+        self.groups = [Group(sessions), *([Group(against, "b")] if against else [])]
+        self.test = mann_whitney(self.groups[0].values, self.groups[1].values) if against else None
         self._command = command
 
     def write(self, folder: Path) -> Path:
@@ -48,182 +59,145 @@ class Report:
         folder.mkdir(parents=True, exist_ok=True)
         write_table(folder / "primitives.csv", self._primitives())
         write_table(folder / "gaits.csv", self._gaits())
-        write_table(folder / "tests.csv", self._tests())
+        tests = [*self._comparisons(), *self._symmetry()]
+        write_table(folder / "tests.csv", (test._asdict() for test in tests if not math.isnan(test.statistic)))
         write_table(folder / "trials.csv", self._trials())
         figure_8(self.groups, folder / "figure8.png")
-        pictures = []
-        for letter, group in zip("ab", self.groups, strict=False):
-            pictures.append(folder / f"gaits_{letter}.png")
-            gaits_picture(group, pictures[-1])
-        told = [(group.label, group.calibration) for group in self.groups]
-        odds = folder / "odds.png" if odds_picture(told, folder / "odds.png") else None
+        for group in self.groups:
+            gaits_picture(group, folder / f"gaits_{group.letter}.png")
+        predicted = [(group.label, group.calibration) for group in self.groups if group.calibration is not None]
+        if predicted:
+            calibration_picture(predicted, folder / "odds.png")
         title = "Trials: " + " against ".join(group.label for group in self.groups)
         target = folder / "report.html"
-        target.write_text(html.page(title, self._parts(folder, pictures, odds)), encoding="utf-8")
+        target.write_text(html.page(title, self._parts(folder)), encoding="utf-8")
         return target
 
     # ---- tables -----------------------------------------------------------------------------------------------------
 
-    def _primitives(self) -> Iterable[dict[str, Any]]:
-        for letter, group in zip("ab", self.groups, strict=False):
+    def _primitives(self) -> Iterator[dict[str, Any]]:
+        for group in self.groups:
             for name, rate in zip(group.names, group.rates, strict=True):
-                bootstrap = group.by_prototype(name)
-                low, high = bootstrap or ("", "")
-                yield {
-                    "group": letter,
-                    "primitive": name,
-                    **rate_document(rate),
-                    "prototypes": len(group.robots),
-                    "bootstrap_low": low,
-                    "bootstrap_high": high,
-                }
+                low, high = group.by_prototype(name) or ("", "")
+                row = {"group": group.letter, "primitive": name, **rate_document(rate), "prototypes": len(group.robots)}
+                yield row | {"bootstrap_low": low, "bootstrap_high": high}
 
-    def _gaits(self) -> Iterable[dict[str, Any]]:
-        for letter, group in zip("ab", self.groups, strict=False):
+    def _gaits(self) -> Iterator[dict[str, Any]]:
+        for group in self.groups:
             for (source, target), rate in zip(group.pairs, group.pair_rates(), strict=True):
-                proper = next(line.proper for line in group.lines if (line.source, line.target) == (source, target))
-                kind = "proper" if proper else "improper"
-                yield {"group": letter, "source": source, "target": target, "kind": kind, **rate_document(rate)}
+                kind = "proper" if carrier(source, target).proper else "improper"
+                yield {"group": group.letter, "source": source, "target": target, "kind": kind, **rate_document(rate)}
 
-    def _trials(self) -> Iterable[dict[str, Any]]:
-        for letter, group in zip("ab", self.groups, strict=False):
+    def _trials(self) -> Iterator[dict[str, Any]]:
+        for group in self.groups:
             for told in group.sessions:
                 for line in told.lines:
-                    revoked = "true" if line.number in told.revoked else "false"
-                    cells = dict(zip(COLUMNS[:-1], row_of(line), strict=True))
-                    yield {"group": letter, **cells, "revoked": revoked, "replay": replay_command(told, line)}
+                    revoked, replay = line.number in told.revoked, replay_command(told, line)
+                    yield {"group": group.letter, **cells_of(line), "revoked": revoked, "replay": replay}
 
-    def _tests(self) -> Iterable[dict[str, Any]]:
-        def row(group: str, name: str, statistic: float, p: float, more: str = "") -> dict[str, Any]:
-            return {"group": group, "test": name, "statistic": statistic, "p": p, "more": more}
+    def _comparisons(self) -> Iterator[Test]:
+        """Between the groups, and of the distribution of each."""
+        name = "Mann-Whitney U, two-sided, asymptotic, ties corrected"
+        if self.test is None:
+            yield Test("a, b", name, math.nan, math.nan, "needs a second group: --against SESSION")
+        else:
+            test = self.test
+            more = (
+                f"between the primitives' rates; effect A = {test.effect:.4f}: so often a primitive of (a) beats one of (b), ties "
+                f"halved; n = {test.n_a}, {test.n_b}; permutation p {test.permutation_p:.4g} ({RESAMPLES} of seed {SEED})"
+            )
+            yield Test("a, b", name, test.u, test.p, more)
+        for group in self.groups:
+            more = f"normal? mean and variance are the sample's own; p by Monte Carlo, {RESAMPLES} samples, seed {SEED}"
+            if group.normality is None:
+                more = "fewer than four primitives, or all rates equal: not computable"
+            yield Test(group.letter, "Kolmogorov-Smirnov, Lilliefors", *(group.normality or (math.nan, math.nan)), more)
 
-        if self.test is not None:
-            more = f"A = {self.test.effect:.4f}; permutation p {self.test.permutation_p:.4g}"
-            yield row("a, b", "Mann-Whitney U, asymptotic, ties corrected", self.test.u, self.test.p, more)
-        for letter, group in zip("ab", self.groups, strict=False):
-            if group.normality is not None:
-                yield row(letter, "Kolmogorov-Smirnov, Lilliefors", *group.normality)
-            yield row(letter, "proper against improper, Cochran-Mantel-Haenszel", group.mirror.chi2, group.mirror.p)
-            if group.gait_effect is not None:
-                effect = group.gait_effect
-                yield row(letter, "pairs of faces, permutation", effect.statistic, effect.p, f"{effect.kinds} pairs")
+    def _symmetry(self) -> Iterator[Test]:
+        """What does not differ on a symmetric robot."""
+        for group in self.groups:
+            mirror, effect = group.mirror, group.gait_effect
+            (proper, improper), (proper_n, improper_n) = mirror.wins, mirror.trials
+            more = f"proper {proper} of {proper_n}, improper {improper} of {improper_n}; within primitives"
+            more += ": not computable" if math.isnan(mirror.chi2) else ""
+            yield Test(group.letter, "proper against improper, Cochran-Mantel-Haenszel", mirror.chi2, mirror.p, more)
+            more = "not computable: outcomes do not vary within a primitive"
+            if effect is not None:
+                more = f"{effect.kinds} pairs; outcomes shuffled within primitives, {RESAMPLES} times, seed {SEED}"
+            statistic, p = (math.nan, math.nan) if effect is None else effect[:2]
+            yield Test(group.letter, "pairs of faces, permutation", statistic, p, more)
 
     # ---- the page ---------------------------------------------------------------------------------------------------
 
-    def _parts(self, folder: Path, pictures: Sequence[Path], odds: Path | None) -> Iterable[str]:
+    def _parts(self, folder: Path) -> Iterator[str]:
         if any(group.virtual for group in self.groups):
             yield html.paragraph(VIRTUAL, "virtual")
         yield html.table(
             ("", "session", "robot", "library", "planned", "valid", "void", "revoked", "first", "last"),
-            [_session_row(letter, told) for letter, group in zip("ab", self.groups, strict=False) for told in group.sessions],
+            [_session_row(group.letter, told) for group in self.groups for told in group.sessions],
         )
         yield html.paragraph(f"Made by: {self._command}", "note")
         yield html.heading("Success rates: the paper's Figure 8")
         yield html.picture(folder / "figure8.png", "success rates of primitives, and their distributions")
-        yield self._counts()
+        rows: list[Sequence[object]] = [(group.title, *group.counts, spread(group.overall)) for group in self.groups]
+        rows += [(name, *counts, "") for name, counts in PAPER.items()]
+        yield html.table(("", "at 100 %", "above 80 %", "at or above 50 %", "primitives", "all trials"), rows)
         yield html.paragraph(f"Intervals: 95 %, Clopper–Pearson. {EXCHANGEABLE}", "note")
-        yield from self._prototypes()
+        for group in self.groups:
+            yield html.paragraph(f"({group.letter}) {_prototypes_text(group)}")
         yield html.heading("Tests")
-        yield self._test_table()
+        yield _test_table("", self._comparisons())
         yield html.heading("Is the robot's symmetry broken?")
-        for group, path in zip(self.groups, pictures, strict=True):
-            yield html.picture(path, f"every gait of {group.label}")
-        yield self._symmetry()
+        for group in self.groups:
+            yield html.picture(folder / f"gaits_{group.letter}.png", f"every gait of {group.label}")
+        yield _test_table("on a symmetric robot these do not differ", self._symmetry())
         yield html.heading("Prediction and outcome")
         yield self._agreement()
-        if odds is not None:
-            yield html.picture(odds, "predicted probability against the share of successes")
+        if any(group.calibration is not None for group in self.groups):
+            yield html.picture(folder / "odds.png", "predicted probability against the share of successes")
         yield html.heading("Primitives")
-        for letter, group in zip("ab", self.groups, strict=False):
-            rows = [(name, rate.successes, rate.trials, shown(rate)) for name, rate in zip(group.names, group.rates, strict=True)]
-            yield html.folded(
-                f"({letter}) {group.label}: {len(rows)} primitives",
-                html.table(("primitive", "successes", "trials", "rate and 95 % interval"), rows),
-            )
+        for group in self.groups:
+            shares = [(name, spread(rate)) for name, rate in zip(group.names, group.rates, strict=True)]
+            table = html.table(("primitive", "successes, rate and 95 % interval"), shares)
+            yield html.folded(f"{group.title}: {len(shares)} primitives", table)
         yield html.heading("Trials, each with the command that replays it")
-        for letter, group in zip("ab", self.groups, strict=False):
+        for group in self.groups:
             for told in group.sessions:
-                yield html.folded(f"({letter}) {told.path.name}: {len(told.lines)} trials", _trial_table(told))
-
-    def _counts(self) -> str:
-        rows = [(f"({letter}) {g.label}", *g.counts, shown(g.overall)) for letter, g in zip("ab", self.groups, strict=False)]
-        rows += [(name, *counts, "") for name, counts in PAPER.items()]
-        return html.table(("", "at 100 %", "above 80 %", "at or above 50 %", "primitives", "all trials"), rows)
-
-    def _prototypes(self) -> Iterable[str]:
-        for letter, group in zip("ab", self.groups, strict=False):
-            interval = group.by_prototype()
-            if interval is None:
-                text = "one prototype: nothing here tells how much another one would differ."
-            else:
-                few = " With fewer than ten prototypes this interval is itself uncertain." if len(group.robots) < 10 else ""
-                text = (
-                    f"{len(group.robots)} prototypes; all trials, bootstrapped by prototype ({RESAMPLES} resamples, seed {SEED}): "
-                    f"[{100 * interval.low:.2f}, {100 * interval.high:.2f}] %.{few}"
-                )
-            yield html.paragraph(f"({letter}) {text}")
-
-    def _test_table(self) -> str:
-        rows: list[Sequence[object]] = []
-        if self.test is not None:
-            test = self.test
-            rows.append(
-                (
-                    "Mann–Whitney U, two-sided, between the primitives' rates of (a) and (b)",
-                    f"{test.u:g}",
-                    p_text(test.p),
-                    f"effect A = {test.effect:.3f}: so often a primitive of (a) beats one of (b), ties halved; n = {test.n_a}, "
-                    f"{test.n_b}; p with tie and continuity correction; by {RESAMPLES} permutations (seed {SEED}): "
-                    f"{p_text(test.permutation_p)}",
-                )
-            )
-        for letter, group in zip("ab", self.groups, strict=False):
-            told = group.normality
-            name = f"Kolmogorov–Smirnov, ({letter}) normal?"
-            if told is None:
-                rows.append((name, "", "", "fewer than four primitives, or all rates equal: not computable"))
-            else:
-                how = f"Lilliefors: mean and variance are the sample's own; p by Monte Carlo, {RESAMPLES} samples, seed {SEED}"
-                rows.append((name, f"{told.distance:.4f}", p_text(told.p), how))
-        if self.test is None:
-            rows.append(("Mann–Whitney U", "", "", "needs a second group: --against SESSION"))
-        return html.table(("test", "statistic", "p", ""), rows)
-
-    def _symmetry(self) -> str:
-        rows: list[Sequence[object]] = []
-        for letter, group in zip("ab", self.groups, strict=False):
-            mirror, effect = group.mirror, group.gait_effect
-            (proper, improper), (proper_n, improper_n) = mirror.wins, mirror.trials
-            told = f"proper {proper} of {proper_n}, improper {improper} of {improper_n}"
-            if math.isnan(mirror.chi2):
-                rows.append((f"({letter}) rotations against reflections", "", "", f"{told}: not computable"))
-            else:
-                how = f"{told}; Cochran–Mantel–Haenszel within primitives"
-                rows.append((f"({letter}) rotations against reflections", f"{mirror.chi2:.3f}", p_text(mirror.p), how))
-            if effect is None:
-                rows.append(
-                    (f"({letter}) pairs of faces differ", "", "", "not computable: outcomes do not vary within a primitive")
-                )
-            else:
-                how = f"{effect.kinds} pairs; outcomes shuffled within primitives, {RESAMPLES} times, seed {SEED}"
-                rows.append((f"({letter}) pairs of faces differ", f"{effect.statistic:.2f}", p_text(effect.p), how))
-        return html.table(("on a symmetric robot these do not differ", "statistic", "p", ""), rows)
+                yield html.folded(f"({group.letter}) {told.folder.path.name}: {len(told.lines)} trials", _trial_table(told))
 
     def _agreement(self) -> str:
-        head = ("", "predicted, succeeded", "predicted, failed", "not predicted, succeeded", "not predicted, failed")
         rows: list[Sequence[object]] = []
-        for letter, group in zip("ab", self.groups, strict=False):
-            told = group.agreement
-            odds = group.calibration
-            score = (
-                "" if odds is None else f"{100 * odds.expected:.1f} % expected, {100 * odds.observed:.1f} % came; {odds.brier:.4f}"
-            )
-            rows.append((f"({letter}) {group.label}", *told, _percent(told.precision), _percent(told.agreement), score))
-        return html.table((*head, "precision", "agreement", "predicted probability; Brier score"), rows) + html.paragraph(
-            "Predicted: the nominal model says that the gait is feasible. Odds: of the robustness study on perturbed prototypes. "
-            "The Brier score is the mean squared difference of predicted probability and outcome; 0.25 is a coin's.",
-            "note",
+        for group in self.groups:
+            told, found, score = group.agreement, group.calibration, ""
+            if found is not None:
+                score = f"{100 * found.expected:.1f} % expected, {100 * found.observed:.1f} % came; {found.brier:.4f}"
+            rows.append((group.title, *told, _percent(told.precision), _percent(told.agreement), score))
+        head = ("", "predicted, succeeded", "predicted, failed", "not predicted, succeeded", "not predicted, failed")
+        note = (
+            "Predicted: the nominal model says that the gait is feasible. Probability: of the robustness study on perturbed "
+            "prototypes. The Brier score is the mean squared difference of predicted probability and outcome; 0.25 is a coin's."
         )
+        table = html.table((*head, "precision", "agreement", "predicted probability; Brier score"), rows)
+        return table + html.paragraph(note, "note")
+
+
+def _prototypes_text(group: Group) -> str:
+    interval, count = group.by_prototype(), len(group.robots)
+    if interval is None:
+        return "one prototype: nothing here tells how much another one would differ."
+    few = " With fewer than ten prototypes this interval is itself uncertain." if count < 10 else ""
+    return (
+        f"{count} prototypes; all trials, bootstrapped by prototype ({RESAMPLES} resamples, seed {SEED}): "
+        f"[{100 * interval.low:.2f}, {100 * interval.high:.2f}] %.{few}"
+    )
+
+
+def _test_table(about: str, tests: Iterable[Test]) -> str:
+    rows = []
+    for test in tests:
+        numbers = ("", "") if math.isnan(test.statistic) else (f"{test.statistic:.6g}", p_text(test.p))
+        rows.append((f"({test.group}) {test.test}", *numbers, test.more))
+    return html.table((about or "test", "statistic", "p", ""), rows)
 
 
 def replay_command(told: Told, line: Line) -> str:
@@ -242,8 +216,8 @@ def _session_row(letter: str, told: Told) -> Sequence[object]:
     settings = told.folder.settings
     times = [line.began for line in told.lines if line.began]
     first, last = (min(times)[:16], max(times)[:16]) if times else ("", "")
-    counts = (len(told.folder.plan), len(told.valid), len(told.voids), len(told.revoked))
-    return (f"({letter})", told.path.name, settings.robot, settings.library, *counts, first, last)
+    counts = (len(told.folder.plan), len(told.valid), told.voids, len(told.revoked))
+    return (f"({letter})", told.folder.path.name, settings.robot, settings.library, *counts, first, last)
 
 
 def _trial_table(told: Told) -> str:
@@ -262,21 +236,17 @@ def _trial_table(told: Told) -> str:
     return html.table(("", "gait", "predicted", "outcome", "faces", "why", "replay"), rows, codes=(6,))
 
 
-def summary_of(report: Report) -> str:
+def summary_of(report: TrialReport) -> str:
     """The report's key numbers for a terminal."""
     lines = []
-    for letter, group in zip("ab", report.groups, strict=False):
-        lines.append(f"({letter}) {group.label}: {group.counts.words}")
-        lines.append(f"    all trials: {_spread(group.overall)}; {len(group.robots)} prototype(s)")
+    for group in report.groups:
+        lines.append(f"{group.title}: {group.counts.words}")
+        lines.append(f"    all trials: {spread(group.overall)}; {len(group.robots)} prototype(s)")
     if report.test is not None:
         lines.append(f"Mann–Whitney U = {report.test.u:g}, p = {p_text(report.test.p)}, effect A = {report.test.effect:.3f}")
     if any(group.virtual for group in report.groups):
         lines.append(VIRTUAL)
     return "\n".join(lines)
-
-
-def _spread(rate: Rate) -> str:
-    return f"{rate.successes} of {rate.trials}, {shown(rate).strip()}"
 
 
 def _percent(rate: float | None) -> str:

@@ -11,10 +11,8 @@ from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.topology import FACES, STRUTS, TENDONS
-from tensegrity_lab.reports.animation import DPI, Scene, Stand, halo, moment_of
-
-CLOSED, OPEN = "#009e73", "#e69f00"
-"""Of the two kinds of faces."""
+from tensegrity_lab.reports.animation import DPI, Scene, Stand, moment_of
+from tensegrity_lab.reports.figure import GREEN, ORANGE, halo
 
 
 def words_picture(path: Path, prototype: Prototype, face: str = "TC6") -> None:
@@ -28,8 +26,8 @@ def words_picture(path: Path, prototype: Prototype, face: str = "TC6") -> None:
     middle = joints.mean(axis=0)
     notes = [(moment.box_m, "control box", "#22303c", (-225, -55))]
     for kind, color, told, where in (
-        ("TC", CLOSED, "closed: three tendons", (-145, 95)),
-        ("TO", OPEN, "open: two tendons", (70, 60)),
+        ("TC", GREEN, "closed: three tendons", (-145, 95)),
+        ("TO", ORANGE, "open: two tendons", (70, 60)),
     ):
         name = max(
             (one for one in FACES if one.startswith(kind)),

@@ -6,11 +6,11 @@ from __future__ import annotations
 import fcntl
 import os
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 import yaml
 
@@ -20,7 +20,7 @@ from sim_core.files.bounded_reader import read_text
 from sim_core.files.yaml_reader import read_yaml
 from sim_core.gaits.library import Library, library_text, load_library
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.session_data.ledger import sync_folder, write_durably
+from tensegrity_lab.session_data.ledger import NEW, write_durably
 from tensegrity_lab.session_data.plan import Slot, plan_of, plan_text
 
 SCHEMA = 1
@@ -60,6 +60,16 @@ class Settings:
     computed: str = ""
 
 
+def virtual_robot_text(seed: int, perturbation: float, actuators: str) -> str:
+    """Which virtual prototype it is: a session's `robot`."""
+    return f"virtual prototype, seed {seed}, ±{100 * perturbation:g} %, actuators {actuators}"
+
+
+def now_text() -> str:
+    """A session's `created`."""
+    return time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())
+
+
 @dataclass(frozen=True)
 class SessionFolder:
     """A session that has begun.
@@ -95,9 +105,7 @@ def begin_session(path: Path, settings: Settings, plan: list[Slot], library: Lib
     require_free(path)
     write_durably(path / LIBRARY, library_text(library))
     write_durably(path / PLAN, plan_text(plan))
-    write_durably(path / (SETTINGS + ".new"), yaml.safe_dump({"schema": SCHEMA, **asdict(settings)}, sort_keys=False))
-    (path / (SETTINGS + ".new")).replace(path / SETTINGS)
-    sync_folder(path)
+    write_durably(path / SETTINGS, yaml.safe_dump({"schema": SCHEMA, **asdict(settings)}, sort_keys=False))
     return SessionFolder(path, settings, plan, library)
 
 
@@ -106,14 +114,14 @@ def require_free(path: Path) -> None:
     if path.exists() and not path.is_dir():
         raise SessionError(f"{path} is a file: give a folder, or a name that does not exist yet")
     here = path.iterdir() if path.exists() else ()
-    others = sorted(p.name for p in here if p.name not in (PLAN, LIBRARY, LOCK, SETTINGS + ".new"))
+    others = sorted(p.name for p in here if p.name.removesuffix(NEW) not in (PLAN, LIBRARY, LOCK) and p.name != SETTINGS + NEW)
     if others:
         raise SessionError(f"{path} holds {others[0]} and no session: give another folder, or one that does not exist yet")
 
 
-def newest_session(bags: Path | None = None) -> Path:
+def newest_session() -> Path:
     """The session that was begun last, of those where sessions go. Raises SessionError: there is none."""
-    folder = bag_folder("") if bags is None else bags
+    folder = bag_folder("")
     found = [(path.stat().st_mtime_ns, path.parent) for path in folder.glob(f"*/{SETTINGS}")]
     if not found:
         raise SessionError(f"there is no session in {folder}: give one's folder, or make one with: sixstrut trial --virtual")
@@ -166,7 +174,7 @@ def require_same(settings: Settings, asked: Mapping[str, object]) -> None:
 
 
 @contextmanager
-def locked(path: Path, say: Any) -> Iterator[int]:
+def locked(path: Path, say: Callable[[str], None]) -> Iterator[int]:
     """Holds a session's lock; its descriptor, for the stack's processes to hold too.
 
     Args:
@@ -176,29 +184,25 @@ def locked(path: Path, say: Any) -> Iterator[int]:
     Raises:
         SessionError: somebody else holds it for longer than that can take.
     """
-    descriptor = os.open(path / LOCK, os.O_RDWR | os.O_CREAT, 0o644)
-    try:
-        _wait_for(descriptor, path, say)
-        os.ftruncate(descriptor, 0)
-        os.pwrite(descriptor, f"{os.getpid()}\n".encode(), 0)
-        yield descriptor
-    finally:
-        os.close(descriptor)
+    with (path / LOCK).open("a+", errors="replace") as file:
+        _wait_for(file, path, say)
+        file.truncate(0)
+        print(os.getpid(), file=file, flush=True)
+        yield file.fileno()
 
 
-def _wait_for(descriptor: int, path: Path, say: Any) -> None:
-    end = time.monotonic() + LOCK_LIMIT_S
-    told = False
+def _wait_for(file: TextIO, path: Path, say: Callable[[str], None]) -> None:
+    end, told = time.monotonic() + LOCK_LIMIT_S, False
     while True:
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             return
         except BlockingIOError:
-            owner = os.pread(descriptor, 32, 0).decode(errors="replace").strip()
+            file.seek(0)
+            owner = file.read(32).strip()
             if owner.isdigit() and Path(f"/proc/{owner}").exists():
-                raise SessionError(
-                    f"session {path} is being run by process {owner}: end that first (Ctrl-C in its terminal)"
-                ) from None
+                problem = f"session {path} is being run by process {owner}: end that first (Ctrl-C in its terminal)"
+                raise SessionError(problem) from None
             if time.monotonic() > end:
                 raise SessionError(
                     f"processes of session {path} still run after {LOCK_LIMIT_S:g} s, though its program has ended; find them with "

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import os
-import signal
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +11,12 @@ from pathlib import Path
 from sim_core.errors import FileError
 from sim_core.files.bounded_reader import read_bytes
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.session_data.record import Event, Line, Outcome, header_text, line_of, text_of
+from tensegrity_lab.session_data.csv_tables import csv_row
+from tensegrity_lab.session_data.record import COLUMNS, Event, Line, Outcome, line_of, text_of
+from tensegrity_lab.terminal.leaving import uninterrupted
 
-LEDGER = "ledger.csv"
+LEDGER, NEW = "ledger.csv", ".new"
+HEADER = csv_row(COLUMNS)
 MOST_BYTES = 512_000_000
 """A million trials have half of it."""
 
@@ -39,6 +41,11 @@ class Standing:
     def valid(self) -> list[Line]:
         """Successes and failures, in order."""
         return [line for line in self.trials.values() if line.outcome is not Outcome.VOID]
+
+    @property
+    def successes(self) -> int:
+        """How many of them succeeded."""
+        return sum(line.outcome is Outcome.SUCCESS for line in self.valid)
 
     def done(self) -> set[tuple[str, str, str, int]]:
         """Gaits (primitive, source, target, repetition) that need no trial any more."""
@@ -84,8 +91,8 @@ def read_lines(path: Path) -> tuple[list[Line], int]:
         raise SessionError(str(error)) from error
     except OSError as error:
         raise SessionError(f"cannot read the ledger {path}: {error.strerror}; give the folder of a session") from error
-    if head != header_text():
-        raise SessionError(f"{path} is not a ledger of this version: its first line is {head[:60]!r}, not {header_text()[:60]!r}…")
+    if head != HEADER:
+        raise SessionError(f"{path} is not a ledger of this version: its first line is {head[:60]!r}, not {HEADER[:60]!r}…")
     lines, damaged = [], 0
     for text in rest:
         if not text:
@@ -110,7 +117,7 @@ class Ledger:
         """Open a session's ledger, or begin it. Raises SessionError, OSError."""
         self.path = folder / LEDGER
         if not self.path.exists():
-            _begin(self.path)
+            write_durably(self.path, HEADER + "\n")
         self.lines, self.damaged = read_lines(self.path)
 
     def standing(self) -> Standing:
@@ -123,7 +130,7 @@ class Ledger:
 
     def append_all(self, lines: Sequence[Line]) -> None:
         """Add lines at once; on return they are on the disk. Raises OSError."""
-        with _Whole(), self.path.open("r+b") as file:
+        with uninterrupted(again=True), self.path.open("r+b") as file:
             at = file.seek(0, os.SEEK_END)
             file.seek(at - 1)
             closing = b"" if file.read(1) == b"\n" else b"\n"
@@ -133,42 +140,16 @@ class Ledger:
             self.lines += lines
 
 
-class _Whole:
-    """An interruption waits until the lines are written: it comes before them or after them. Used in the main thread."""
-
-    SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-
-    def __enter__(self) -> None:
-        self._came: list[int] = []
-        self._old = {number: signal.signal(number, lambda number, frame: self._came.append(number)) for number in self.SIGNALS}
-
-    def __exit__(self, *details: object) -> None:
-        for number, handler in self._old.items():
-            signal.signal(number, handler)
-        for came in self._came:
-            signal.raise_signal(came)
-
-
-def _begin(path: Path) -> None:
-    """The header, whole or not at all."""
-    new = path.with_name(path.name + ".new")
-    write_durably(new, header_text() + "\n")
-    new.replace(path)
-    sync_folder(path.parent)
-
-
 def write_durably(path: Path, text: str) -> None:
-    """Write a new file that is on the disk on return. Raises OSError."""
-    with path.open("w", encoding="utf-8") as file:
+    """Write a new file, whole or not at all; on return it is on the disk. Raises OSError."""
+    new = path.with_name(path.name + NEW)
+    with new.open("w", encoding="utf-8") as file:
         file.write(text)
         file.flush()
         os.fsync(file.fileno())
-
-
-def sync_folder(folder: Path) -> None:
-    """Make the names of new files durable. Raises OSError."""
-    descriptor = os.open(folder, os.O_RDONLY)
+    new.replace(path)
+    folder = os.open(path.parent, os.O_RDONLY)  # the name is durable only when the folder is
     try:
-        os.fsync(descriptor)
+        os.fsync(folder)
     finally:
-        os.close(descriptor)
+        os.close(folder)

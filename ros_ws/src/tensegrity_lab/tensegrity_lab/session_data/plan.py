@@ -8,16 +8,19 @@ import io
 import math
 import random
 from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from typing import NamedTuple
 
+from sim_core.dynamics.model import Model
 from sim_core.errors import SimError
 from sim_core.gaits.library import Gait, Library, Primitive, gait_of
+from sim_core.gaits.success_probability import load_odds
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.structure.symmetry import class_of, rolls_of
 from sim_core.structure.topology import require_adjacent
+from sim_core.studies.model_agreement import NamedGait, verdicts
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.terminal.tables import cell_of, value_of
+from tensegrity_lab.session_data.csv_tables import csv_row, record_of
 
 DIGITS = 6
 """Of odds: a table and a bag hold the same number."""
@@ -111,6 +114,12 @@ def chosen_gaits(primitives: Iterable[Primitive], words: str) -> list[Gait]:
     return list({gait.name: gait for gait in gaits}.values())
 
 
+def planned(gaits: Sequence[Gait], library: Library, nominal: Model, repeats: int, seed: int) -> list[Slot]:
+    """A plan of a library's gaits, each with what the nominal model and the library's counts predict."""
+    listed = [NamedGait(gait.name, gait.source, gait.target, gait.policy) for gait in gaits]
+    return make_plan(gaits, verdicts(nominal, listed), FaceGraph(library, load_odds(library)), repeats, seed)
+
+
 def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph, repeats: int, seed: int) -> list[Slot]:
     """Every gait `repeats` times, in an order that the seed draws.
 
@@ -167,41 +176,17 @@ def way_to_due(due: Sequence[Slot], face: str, graph: FaceGraph) -> tuple[str, .
     return min(ways)[2] if ways else ()
 
 
-# ---- as a file ------------------------------------------------------------------------------------------------------
-
-
 def plan_text(plan: Iterable[Slot]) -> str:
     """The plan as a CSV table."""
-    out = io.StringIO()
-    table = csv.writer(out, lineterminator="\n")
-    table.writerow(Slot._fields)
-    for slot in plan:
-        cells = {**slot._asdict(), "policy_mm": " ".join(map(str, slot.policy_mm)), "odds": repr(slot.odds)}
-        table.writerow(map(cell_of, cells.values()))
-    return out.getvalue()
+    return "\n".join([csv_row(Slot._fields), *map(csv_row, plan), ""])
 
 
 def plan_of(text: str, where: str) -> list[Slot]:
     """The plan of a table. Raises SessionError: it is none."""
     try:
-        rows = list(csv.DictReader(io.StringIO(text)))
-        plan = [_slot({name: value_of(cell) for name, cell in row.items()}) for row in rows]
-    except (KeyError, ValueError, TypeError, csv.Error) as error:
+        plan = [record_of(Slot, row) for row in csv.DictReader(io.StringIO(text))]
+    except (SessionError, csv.Error) as error:
         raise SessionError(f"{where} is not the plan of a session: {error}") from error
     if not plan:
         raise SessionError(f"{where} is an empty plan")
     return plan
-
-
-def _slot(row: Mapping[str, str]) -> Slot:
-    return Slot(
-        row["primitive"],
-        row["roll_class"],
-        row["source"],
-        row["target"],
-        int(row["repeat"]),
-        row["proper"] == "True",
-        tuple(int(word) for word in row["policy_mm"].split()),
-        float(row["odds"]),
-        row["predicted"] == "True",
-    )

@@ -4,18 +4,15 @@
 from __future__ import annotations
 
 import csv
-import io
 import math
 import zlib
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from enum import StrEnum
 
 from sim_core.errors import brief
-from sim_core.printable import printable
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.terminal.tables import cell_of, value_of
+from tensegrity_lab.session_data.csv_tables import csv_row, record_of
 
 
 class Event(StrEnum):
@@ -107,30 +104,10 @@ def utc_ns(text: str) -> int:
     return round(whole.timestamp() * 1e6) * 1000
 
 
-def row_of(line: Line) -> list[str]:
-    """The cells, without the check."""
-    return [_cell(getattr(line, name)) for name in COLUMNS[:-1]]
-
-
-def _cell(value: object) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, float):
-        return "" if math.isnan(value) else repr(value)
-    if isinstance(value, tuple):
-        return " ".join(str(item) for item in value)
-    return " ".join(str(value).split())  # one line stays one line
-
-
 def text_of(line: Line) -> str:
     """The line with its check, without its end."""
-    body = _csv(row_of(line))
+    body = csv_row(getattr(line, name) for name in COLUMNS[:-1])
     return f"{body},{zlib.crc32(body.encode()):08x}"
-
-
-def header_text() -> str:
-    """The ledger's first line, without its end."""
-    return _csv(COLUMNS)
 
 
 def line_of(text: str) -> Line:
@@ -142,41 +119,4 @@ def line_of(text: str) -> Line:
         cells = next(csv.reader([body]))
     except (csv.Error, StopIteration) as error:
         raise SessionError(f"line {brief(text)} is no row of a table: {error}") from error
-    return line_of_cells(dict(zip(COLUMNS, map(value_of, cells), strict=False)))
-
-
-def line_of_cells(cells: dict[str, str]) -> Line:
-    """The line of a table's row, by column. Raises SessionError: a cell is missing or makes no sense."""
-    values: dict[str, object] = {}
-    for field in fields(Line):
-        try:
-            values[field.name] = _PARSERS[str(field.type)](cells[field.name])
-        except (KeyError, ValueError) as error:
-            raise SessionError(
-                f"column {field.name} of a trial is {brief(cells.get(field.name))}: {printable(error, 80)}"
-            ) from error
-    return Line(**values)  # type: ignore[arg-type]  # each column was parsed by its type
-
-
-def _boolean(text: str) -> bool:
-    if text not in ("true", "false"):
-        raise ValueError("valid is true or false")
-    return text == "true"
-
-
-_PARSERS: dict[str, Callable[[str], object]] = {
-    "Event": Event,
-    "Outcome": Outcome,
-    "int": int,
-    "str": str,
-    "bool": _boolean,
-    "float": lambda text: float(text) if text else math.nan,
-    "tuple[int, ...]": lambda text: tuple(int(word) for word in text.split()),
-    "tuple[str, ...]": lambda text: tuple(text.split()),
-}
-
-
-def _csv(cells: Sequence[str]) -> str:
-    out = io.StringIO()
-    csv.writer(out, lineterminator="").writerow(map(cell_of, cells))
-    return out.getvalue()
+    return record_of(Line, dict(zip(COLUMNS, cells, strict=False)))

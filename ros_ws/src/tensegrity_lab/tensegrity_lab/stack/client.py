@@ -25,7 +25,7 @@ from sim_core.names import STRUT_NAMES
 from sim_core.printable import printable
 from sim_core.twin.live_bridge import LiveBridge
 from tensegrity_interfaces.action import ExecuteStruts, Roll, Travel
-from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, StrutsSent, TrialRecord, TwinState
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, TrialRecord, TwinState
 from tensegrity_interfaces.srv import Arm, Disarm, FaceGraph, LogTrial, SetFace
 from tensegrity_lab.errors import StackError, granted
 from tensegrity_lab.stack.processes import START_LIMIT_S, Stack, wait_until
@@ -89,7 +89,7 @@ class StackClient:
             name: of the node.
             events: keep the bridge's events and diagnostics.
         """
-        self._stack, self._only = stack, prototype
+        self._stack, self._only, self.prototype = stack, prototype, prototype
         self._context = own_context(domain)
         self.node = node = Node(name, context=self._context)
         self.bridge: Any = None
@@ -102,7 +102,6 @@ class StackClient:
         self.feedback: list[str] = []
         self.asked_ns = 0
         self.lease = self._proven = ""
-        self.prototype = prototype
         self._prover = Prover("")
         self._joints: dict[str, np.ndarray] = {}
         self._live = LiveBridge(node.get_logger().warning)
@@ -113,7 +112,7 @@ class StackClient:
         topics.REHEARSAL.subscribe(node, keep("rehearsal"))
         self._events = events
         if events:
-            topics.STRUTS_SENT.subscribe(node, self._on_sent, EVENTS)
+            topics.STRUTS_SENT.subscribe(node, lambda sent: self._live.takes(sent, self.sent.append), EVENTS)
             topics.DIAGNOSTICS.subscribe(node, self._on_diagnostics)
         self._proof = topics.LEASE.publisher(node)
         node.create_timer(0.2, self._prove)
@@ -146,9 +145,6 @@ class StackClient:
 
     def _on_twin(self, state: TwinState) -> None:
         self.twin = state
-
-    def _on_sent(self, sent: StrutsSent) -> None:
-        self._live.takes(sent, self.sent.append)
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self.diagnostics.update({status.name: status for status in message.status})
@@ -207,9 +203,14 @@ class StackClient:
         self.wait(self._clients["arm"].service_is_ready, "the planner's service arm", START_LIMIT_S)
         self.wait(self._roll.server_is_ready, "the planner's action roll", START_LIMIT_S)
 
-    def wait_for_duty(self, needed_s: float, limit_s: float) -> None:
-        """Until every strut may run for `needed_s` of robot time again."""
-        self.wait(lambda: self.bridge.duty_left_s >= needed_s, "the actuators' rest", limit_s)
+    def wait_for_duty(self, needed_s: float, limit_s: float, watch: Callable[[], None] = lambda: None) -> None:
+        """Until every strut may run for `needed_s` of robot time again. Args: watch: called all the while."""
+
+        def rested() -> bool:
+            watch()
+            return bool(self.bridge.duty_left_s >= needed_s)
+
+        self.wait(rested, "the actuators' rest", limit_s)
 
     def _twin_follows(self) -> bool:
         heard = ((message.seq, message.robot_time_ns) for message in self.sent[-1000:])
@@ -248,7 +249,7 @@ class StackClient:
         """The answer of a service."""
         return self.result(self._ready(name).call_async(request), f"an answer to {name}", limit_s)
 
-    def call_alone(self, name: str, request: Any, limit_s: float = ANSWER_LIMIT_S) -> Any:
+    def _call_alone(self, name: str, request: Any, limit_s: float = ANSWER_LIMIT_S) -> Any:
         """The same, unless another bridge has come: with a virtual prototype, nothing is asked of two."""
         if self._only and self.node.count_publishers("bridge/state") > 1:
             raise StackError("another hardware bridge has come into this ROS domain: end it, then try again")
@@ -256,18 +257,19 @@ class StackClient:
 
     def arm(self, confirmed_lengths_m: Sequence[float] = ()) -> None:
         """Arm through the planner and wait for the end of homing. StackError with the bridge's reason if refused."""
-        request = Arm.Request(holder="operator", lifted_and_clear=True, prototype=self.prototype)
-        request.confirmed_lengths_m = list(confirmed_lengths_m)
-        granted(self.call_alone("arm", request, ARM_LIMIT_S), "arming was refused")
+        granted(self._call_alone("arm", self._arming(confirmed_lengths_m), ARM_LIMIT_S), "arming was refused")
         self._home()
 
     def take_lease(self, confirmed_lengths_m: Sequence[float] = (), holder: str = "operator") -> str:
         """Arm the bridge itself and wait for the end of homing; the lease, which is then kept alive. StackError if refused."""
-        request = Arm.Request(holder=holder, lifted_and_clear=True, prototype=self.prototype)
-        request.confirmed_lengths_m = list(confirmed_lengths_m)
+        request = self._arming(confirmed_lengths_m, holder)
         self.lease = granted(self.call("bridge/arm", request, ARM_LIMIT_S), "arming was refused").lease
         self._home()
         return self.lease
+
+    def _arming(self, lengths_m: Sequence[float], holder: str = "operator") -> Any:
+        lengths = list(lengths_m)
+        return Arm.Request(holder=holder, lifted_and_clear=True, prototype=self.prototype, confirmed_lengths_m=lengths)
 
     def _home(self) -> None:
         answered = time.monotonic()
@@ -287,11 +289,11 @@ class StackClient:
     def set_face(self, face: str) -> None:
         """Say which face the robot stands on, as a person sees it. StackError if the bridge does not take it."""
         request = SetFace.Request(face=face, source=FaceObservation.SOURCE_OPERATOR)
-        granted(self.call_alone("set_face", request), "the bridge does not take the face")
+        granted(self._call_alone("set_face", request), "the bridge does not take the face")
 
     def log_trial(self, record: TrialRecord) -> None:
         """Put a trial into the bag; on return it is on the disk. StackError if it is not."""
-        granted(self.call_alone("log_trial", LogTrial.Request(record=record)), "the trial is not in the bag")
+        granted(self._call_alone("log_trial", LogTrial.Request(record=record)), "the trial is not in the bag")
 
     def trigger(self, name: str) -> Any:
         """The answer of `stop` or `reset`, asked again if it does not come soon: a request to a server not met yet is lost."""
@@ -323,14 +325,9 @@ class StackClient:
     # ---- actions ----------------------------------------------------------------------------------------------------
 
     def begin_roll(
-        self,
-        target: str,
-        source: str = "",
-        primitive: str = "",
-        anyway: bool = False,
-        tell: Callable[[Any], None] = lambda feedback: None,
+        self, target: str, source: str = "", primitive: str = "", tell: Callable[[Any], None] = lambda feedback: None
     ) -> Any:
-        """The goal handle of a roll. Args: as in the action; `tell` is told the feedback."""
+        """The goal handle of a roll. Args: as in `roll`."""
         self.feedback.clear()
 
         def note(feedback: Any) -> None:
@@ -338,7 +335,7 @@ class StackClient:
                 self.feedback.append(feedback.phase)
             tell(feedback)
 
-        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive, anyway=anyway)
+        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive)
         return self.send(self._roll, goal, "roll", note)
 
     def roll(
@@ -346,7 +343,6 @@ class StackClient:
         target: str,
         source: str = "",
         primitive: str = "",
-        anyway: bool = False,
         tell: Callable[[Any], None] = lambda feedback: None,
         limit_s: float = 60.0,
         watch: Callable[[], None] = lambda: None,
@@ -357,12 +353,11 @@ class StackClient:
             target: the face to roll onto.
             source: where it stands; empty: as known.
             primitive: name of one; empty: the planner's choice.
-            anyway: also if the planner thinks it too unlikely.
             tell: told the feedback.
             limit_s: of the whole roll.
             watch: called all the while; may raise KeyboardInterrupt.
         """
-        return self._whole(self.begin_roll(target, source, primitive, anyway, tell), "roll", limit_s, watch)
+        return self._whole(self.begin_roll(target, source, primitive, tell), "roll", limit_s, watch)
 
     def travel(
         self, place_m: tuple[float, float], reach_m: float, most_rolls: int, tell: Callable[[Any], None], limit_s: float
@@ -429,7 +424,8 @@ class StackClient:
             if once or age_s or not handle.accepted:
                 break
             ended = self.begun(handle.get_result_async)
-            self.wait(partial(_any, running.is_set, ended.done), "a verdict on a motion", JUDGING_LIMIT_S)
+            over = lambda ended=ended: running.is_set() or ended.done()  # noqa: E731
+            self.wait(over, "a verdict on a motion", JUDGING_LIMIT_S)
             if running.is_set() or not may_be_sent_again(ended.result().result.reason):
                 break
         return handle
@@ -484,7 +480,3 @@ def _shown(message: Any) -> Any:
         if isinstance(words := getattr(message, name, None), str):
             setattr(message, name, printable(words, LONGEST_WORDS))
     return message
-
-
-def _any(*conditions: Callable[[], bool]) -> bool:
-    return any(condition() for condition in conditions)

@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from types import FrameType
 from typing import Self
 
 from hardware_bridge.driver.child_process import bound
@@ -129,6 +128,7 @@ class Stack:
 
     Attributes:
         folder: of their logs.
+        codes: exit codes by name of those that were stopped.
     """
 
     def __init__(self, folder: Path, *locks: int, environ: Mapping[str, str] | None = None, work_folder: Path | None = None):
@@ -144,6 +144,7 @@ class Stack:
         folder.mkdir(parents=True, exist_ok=True)
         self._locks, self._environ, self._work_folder = locks, environ or {}, work_folder
         self._started: list[Process] = []
+        self.codes: dict[str, int] = {}
 
     def start(self, name: str, command: Sequence[str | Path], environ: Mapping[str, str] | None = None) -> Process:
         """Start a process; its output goes to <folder>/<name>.log. Args: environ: beside the stack's."""
@@ -167,19 +168,18 @@ class Stack:
             process.require_alive()
 
     def stop(self) -> dict[str, int]:
-        """SIGINT to each, last started first, and wait; SIGKILL after a limit. Returns exit codes by name; safe to call twice."""
-        codes = {}
+        """SIGINT to each, last started first, and wait; SIGKILL after a limit. Returns `codes`; safe to call twice."""
         for process in reversed(self._started):
             if process.code is None:
                 process.signal(signal.SIGINT)
             try:
-                codes[process.name] = process.ends()
+                self.codes[process.name] = process.ends()
             except StackError:
                 process.kill()
-                codes[process.name] = process.ends()
+                self.codes[process.name] = process.ends()
                 print(f"warning: {process.name} did not end within {STOP_LIMIT_S:g} s and was killed")
         self._started.clear()
-        return codes
+        return self.codes
 
     def kill(self) -> None:
         """End all at once."""
@@ -210,26 +210,6 @@ class IsolatedStack(Stack):
     def command(self, *words: str) -> Process:
         """Start a `sixstrut` command beside them."""
         return self.start(words[0], [sys.executable, "-m", "sixstrut_cli", *words])
-
-
-class Uninterrupted:
-    """Signals wait while things are being put away: a second Ctrl-C must not lose the bag.
-
-    Attributes:
-        interrupted: one came; who would go on with something else should end instead.
-    """
-
-    def __enter__(self) -> Uninterrupted:
-        self.interrupted = False
-        self._old = [signal.signal(number, self._remember) for number in (signal.SIGINT, signal.SIGTERM)]
-        return self
-
-    def _remember(self, _number: int, _frame: FrameType | None) -> None:
-        self.interrupted = True
-
-    def __exit__(self, *details: object) -> None:
-        for number, old in zip((signal.SIGINT, signal.SIGTERM), self._old, strict=True):
-            signal.signal(number, old)
 
 
 def wait_until(condition: Callable[[], object], limit_s: float, what: str, stack: Stack | None = None) -> None:

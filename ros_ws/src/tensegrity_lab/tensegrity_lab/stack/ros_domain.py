@@ -42,7 +42,7 @@ class Domain(NamedTuple):
     locks: tuple[int, ...]
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """For people: how to look on."""
         return f"export {VARIABLE}={self.number}   # to join with ros2 and RViz"
 
@@ -62,7 +62,7 @@ def private_domain(wanted: int | None = None) -> Iterator[Domain]:
     """
     if wanted is not None and not 0 <= wanted <= HIGHEST:
         raise StackError(f"ROS domain {wanted}: valid is 0 to {HIGHEST}")
-    with _environment(VARIABLE, RANGE, *WIDER):
+    with _environment():
         for name in WIDER:
             os.environ.pop(name, None)
         os.environ[RANGE] = "LOCALHOST"
@@ -84,7 +84,7 @@ def robot_domain(wanted: int | None = None) -> Iterator[Domain]:
             yield own
         return
     require_no_bridge(number)
-    with _environment(VARIABLE):
+    with _environment():
         os.environ[VARIABLE] = str(number)
         yield Domain(number, ())
 
@@ -116,17 +116,16 @@ def require_no_bridge(number: int) -> None:
 
 
 @contextmanager
-def _environment(*names: str) -> Iterator[None]:
-    """These variables are as before when the block is over."""
-    before = {name: os.environ.get(name) for name in names}
+def _environment() -> Iterator[None]:
+    """The environment is as before when the block is over."""
+    before = dict(os.environ)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in (VARIABLE, RANGE, *WIDER):
+            os.environ.pop(name, None)
+            if name in before:
+                os.environ[name] = before[name]
 
 
 def _free() -> tuple[socket.socket, int]:
@@ -174,10 +173,8 @@ def _bridges(number: int) -> list[str]:
     """Names of topics that a bridge in a domain offers."""
     from rclpy.node import Node
 
-    from tensegrity_robot.ros.discovery import set_discovery
     from tensegrity_robot.ros.node_process import own_context
 
-    set_discovery()
     context = own_context(number)
     node = Node("sixstrut_looks", context=context)
     until, found = time.monotonic() + LOOK_S, list[str]()

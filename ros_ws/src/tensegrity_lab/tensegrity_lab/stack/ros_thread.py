@@ -18,6 +18,7 @@ class Spinner:
         self.node = node
         self.executor = SingleThreadedExecutor(context=context)
         self.executor.add_node(node)
+        self._closing = False
         self._thread = threading.Thread(target=self._spin, name=node.get_name(), daemon=True)
         self._thread.start()
 
@@ -29,10 +30,13 @@ class Spinner:
             except ExternalShutdownException:
                 return
             except Exception:
+                if self._closing:  # what the executor still held was destroyed under it
+                    return
                 traceback.print_exc()
 
     def close(self) -> None:
         """End the thread and the node."""
+        self._closing = True
         self.executor.shutdown()
         self._thread.join(5.0)
         self.node.destroy_node()

@@ -6,10 +6,12 @@ from __future__ import annotations
 import os
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from hardware_bridge.boards.registry import parse_board
@@ -18,9 +20,10 @@ from sim_core.dynamics.actuators import require_actuators
 from sim_core.gaits.library import load_library
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.topology import require_face
-from tensegrity_lab.stack.processes import Stack, Uninterrupted, wait_until
+from tensegrity_lab.stack.processes import Stack, wait_until
 from tensegrity_lab.stack.ros_domain import private_domain
 from tensegrity_lab.terminal.compile_notice import compile_first
+from tensegrity_lab.terminal.leaving import uninterrupted
 
 START_LIMIT_S = 180.0
 """The first time on a machine its kernels are compiled."""
@@ -87,7 +90,7 @@ class VirtualRobot:
         compile_first(Stage.ROBOT, Stage.BATCH)
 
     @property
-    def words(self) -> str:
+    def describe(self) -> str:
         """For people."""
         pace = "real time" if self.time_scale == 1.0 else f"{self.time_scale:g} times real time"
         ground = f", ground inclined by {self.incline_deg:g} degrees" if self.incline_deg else ""
@@ -96,22 +99,8 @@ class VirtualRobot:
             f"(seed {self.seed}){ground}; {pace}; every roll here is virtual"
         )
 
-    def start(self, stack: Stack, folder: Path, travels: bool = False, planner: Sequence[tuple[str, object]] = ()) -> Handshake:
-        """Start the processes; the link and the bridge's state are in `folder`. Nothing but this prototype can be armed by them.
-
-        Args:
-            stack: starts and watches the processes.
-            folder: for links and state.
-            travels: start the traveller too.
-            planner: further parameters of planner and traveller, (name, value).
-
-        Returns:
-            the prototype's handshake.
-
-        Raises:
-            StackError: the virtual prototype does not come up.
-        """
-        link = folder / "prototype"
+    def start_prototype(self, stack: Stack, link: Path) -> Handshake:
+        """Start the virtual prototype alone, its pty linked there. Raises StackError: it does not come up."""
         words = {
             "face": self.face,
             "seed": self.seed,
@@ -121,52 +110,77 @@ class VirtualRobot:
             "board": self.board,
             "actuators": self.actuators,
         }
-        handshake = start_prototype(stack, link, words)
-        gaits = {"library": self.library}
-        bridge = {
-            "port": link,
-            "board": self.board,
-            "time_scale": self.time_scale,
-            "bag_folder": self.bags.resolve(),
-            "state_folder": folder,
-            "library": self.library,
-        }
-        nodes: dict[str, dict[str, Any]] = {
-            "twin": {"start_face": self.face},
-            "gait_planner": {**gaits, "prototype": handshake.instance},
-        }
-        if travels:
-            nodes["traveller"] = {**gaits, **dict(planner)}
-        nodes["hardware_bridge"] = bridge
-        for name, parameters in nodes.items():
-            stack.node(name, **parameters)
+        return start_prototype(stack, link, words)
+
+    def start(self, stack: Stack, folder: Path, traveller: Mapping[str, Any] | None) -> Handshake:
+        """Start the processes; the link and the bridge's state are in `folder`. Nothing but this prototype can be armed by them.
+
+        Args:
+            stack: starts and watches the processes.
+            folder: for links and state.
+            traveller: its parameters; None: none is started.
+
+        Returns:
+            the prototype's handshake.
+
+        Raises:
+            StackError: the virtual prototype does not come up.
+        """
+        link = folder / "prototype"
+        handshake = self.start_prototype(stack, link)
+        stack.node("twin", start_face=self.face)
+        stack.node("gait_planner", library=self.library, prototype=handshake.instance)
+        if traveller is not None:
+            stack.node("traveller", library=self.library, **traveller)
+        stack.node(
+            "hardware_bridge",
+            port=link,
+            board=self.board,
+            time_scale=self.time_scale,
+            bag_folder=self.bags.resolve(),
+            state_folder=folder,
+            library=self.library,
+        )
         return handshake
 
 
 @contextmanager
-def running(robot: VirtualRobot, name: str, told: Callable[[str], None], domain: int | None = None) -> Iterator[Stack]:
-    """A whole stack, traveller too, in a ROS domain of its own, while somebody watches; however that ends, the bag is closed.
+def running(
+    robot: VirtualRobot,
+    name: str,
+    told: Callable[[str], None],
+    domain: int | None = None,
+    traveller: Mapping[str, Any] | None = MappingProxyType({}),
+) -> Iterator[tuple[Stack, Handshake]]:
+    """A whole stack in a ROS domain of its own, while somebody watches; however that ends, struts are held and the bag is closed.
 
     Args:
         robot: the virtual robot and its stack.
         name: of whoever watches, for the folder of logs.
         told: a line for people.
         domain: this one; None: any that is free.
+        traveller: its parameters; None: none is started.
 
     Raises:
         SimError, BridgeError: something that cannot be.
         StackError: the virtual prototype does not come up.
+        KeyboardInterrupt: when all has ended, also if the interruption came only then.
     """
     robot.require()
-    robot.compile()
     robot.bags.mkdir(parents=True, exist_ok=True)
     with private_domain(domain) as own, tempfile.TemporaryDirectory(prefix=f"sixstrut-{name}-") as folder:
-        processes = Stack(robot.bags / "logs" / f"{name}-{os.getpid()}", *own.locks)
-        told(robot.words)
-        told(own.words)
+        told(robot.describe)
+        told(own.describe)
+        robot.compile()
+        logs = robot.bags / "logs" / f"{time.strftime('%Y%m%d-%H%M%S')}-{name}-{os.getpid()}"
+        processes = Stack(logs, *own.locks)
         try:
-            robot.start(processes, Path(folder), travels=True)
-            yield processes
+            yield processes, robot.start(processes, Path(folder), traveller)
+        except KeyboardInterrupt:
+            told("stopping: the struts are held, the bag is being closed")
+            raise
         finally:
-            with Uninterrupted():
+            with uninterrupted() as came:
                 processes.stop()
+            if came:
+                raise KeyboardInterrupt

@@ -12,9 +12,9 @@ from pathlib import Path
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import Library, libraries_folder, load_library
 from sim_core.structure.parameters import load_prototype
-from sim_core.studies.tasks import Report as Reporter
+from sim_core.studies.tasks import Report
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.reports.trial_report import Report, summary_of
+from tensegrity_lab.reports.trial_report import TrialReport, summary_of
 from tensegrity_lab.session_data.folder import SessionFolder
 from tensegrity_lab.studies.campaign_batch import require_new, session_of
 from tensegrity_lab.studies.campaign_stack_sample import Pair, chosen, table_of, through_the_stack
@@ -23,7 +23,7 @@ SESSIONS, STACK, REPORT = "sessions", "stack", "report"
 
 
 @dataclass(frozen=True)
-class Asked:
+class CampaignRequest:
     """What the command line says.
 
     Attributes:
@@ -36,7 +36,7 @@ class Asked:
         sample: trials that go through the stack, too.
         time_scale: of the stack.
         page: Markdown to write; None: none.
-        words: the command, for people.
+        command: that makes it, for people.
     """
 
     output: Path
@@ -49,7 +49,7 @@ class Asked:
     sample: int
     time_scale: float
     page: Path | None
-    words: tuple[str, ...]
+    command: str
 
 
 @dataclass(frozen=True)
@@ -57,13 +57,13 @@ class Campaign:
     """What was done. `sessions`: library's name -> its sessions; `skipped`: names of libraries that are not shipped."""
 
     sessions: dict[str, list[SessionFolder]]
-    skipped: tuple[str, ...]
-    pairs: tuple[Pair, ...]
-    reports: tuple[Path, ...]
-    summaries: tuple[str, ...]
+    skipped: list[str]
+    pairs: list[Pair]
+    reports: list[Path]
+    summaries: list[str]
 
 
-def run(asked: Asked, bar: Callable[[str], Reporter], say: Callable[[str], None]) -> Campaign:
+def run(asked: CampaignRequest, bar: Callable[[str], Report], say: Callable[[str], None]) -> Campaign:
     """Run a campaign.
 
     Args:
@@ -89,44 +89,42 @@ def run(asked: Asked, bar: Callable[[str], Reporter], say: Callable[[str], None]
             done = session_of(path, nominal, library, asked.primitives, asked.gaits, asked.perturbation, seed, report)
             sessions.setdefault(library.name, []).append(done)
     pairs: list[Pair] = []
-    every = [folder for folders in sessions.values() for folder in folders]
-    drawn = chosen(every, asked.sample, asked.seed) if asked.sample else {}
+    every = {folder.path: folder for folders in sessions.values() for folder in folders}
+    drawn = chosen(list(every.values()), asked.sample, asked.seed) if asked.sample else {}
     for number, (path, slots) in enumerate(drawn.items(), start=1):
         say(f"through the stack, {number} of {len(drawn)}: {len(slots)} trials of {path.name}")
-        folder = next(one for one in every if one.path == path)
-        pairs += through_the_stack(folder, slots, asked.output / STACK / path.name, asked.time_scale)
-    reports, summaries = _reports(asked, sessions)
-    campaign = Campaign(sessions, skipped, tuple(pairs), tuple(reports), tuple(summaries))
+        pairs += through_the_stack(every[path], slots, asked.output / STACK / path.name, asked.time_scale)
+    campaign = Campaign(sessions, skipped, pairs, *_reports(asked, sessions))
     (asked.output / "campaign.md").write_text(page_of(asked, campaign, None), encoding="utf-8")
     if asked.page is not None:
         _publish(asked, campaign, asked.page)
     return campaign
 
 
-def _libraries(names: Sequence[str]) -> tuple[list[Library], tuple[str, ...]]:
+def _libraries(names: Sequence[str]) -> tuple[list[Library], list[str]]:
     missing = [name for name in names if not name.endswith(".yaml") and not (libraries_folder() / f"{name}.yaml").exists()]
     found = [load_library(name) for name in names if name not in missing]
     doubles = [library.name for library in found if [other.name for other in found].count(library.name) > 1]
     if doubles:
         raise SessionError(f"two libraries are called {doubles[0]}: give each of them once, or rename one")
-    return found, tuple(missing)
+    return found, missing
 
 
-def _reports(asked: Asked, sessions: dict[str, list[SessionFolder]]) -> tuple[list[Path], list[str]]:
+def _reports(asked: CampaignRequest, sessions: dict[str, list[SessionFolder]]) -> tuple[list[Path], list[str]]:
     """One for each library that the first is set against; of one library alone, one."""
     names = list(sessions)
     first = [folder.path for folder in sessions[names[0]]]
     found, told = [], []
     for other in names[1:] or [""]:
         against = [folder.path for folder in sessions[other]] if other else []
-        words = ["./sixstrut", "report", *map(str, first), *(word for path in against for word in ("--against", str(path)))]
-        report = Report(first, against, shlex.join(words))
+        command = shlex.join(["./sixstrut", "report", *map(str, first), *(["--against", *map(str, against)] if against else [])])
+        report = TrialReport(first, against, command)
         found.append(report.write(asked.output / REPORT / (f"{names[0]}_against_{other}" if other else names[0])))
         told.append(summary_of(report))
     return found, told
 
 
-def page_of(asked: Asked, campaign: Campaign, images: Path | None) -> str:
+def page_of(asked: CampaignRequest, campaign: Campaign, images: Path | None) -> str:
     """The page, as Markdown. `images`: folder of the pictures, relative to the page; None: beside their reports."""
     agree = sum(pair.agrees for pair in campaign.pairs)
     count = sum(len(folder.plan) for folders in campaign.sessions.values() for folder in folders)
@@ -135,7 +133,7 @@ def page_of(asked: Asked, campaign: Campaign, images: Path | None) -> str:
     lines = [
         "# A campaign of virtual trials",
         "",
-        f"This page is written by `{shlex.join(asked.words)}`; do not edit it, run the command again.",
+        f"This page is written by `{asked.command}`; do not edit it, run the command again.",
         "",
         "**Every trial here is virtual**, on virtual prototypes that share the model's equations. They test the pipeline from plan",
         "to report, and the libraries against perturbations; they do not test the paper's claim, which is about a real robot.",
@@ -163,7 +161,7 @@ def page_of(asked: Asked, campaign: Campaign, images: Path | None) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _publish(asked: Asked, campaign: Campaign, page: Path) -> None:
+def _publish(asked: CampaignRequest, campaign: Campaign, page: Path) -> None:
     images = Path("images") / page.stem
     (page.parent / images).mkdir(parents=True, exist_ok=True)
     for path in campaign.reports:

@@ -10,19 +10,16 @@ from pathlib import Path
 
 from sim_core.dynamics.model import Model
 from sim_core.gaits.library import Library
-from sim_core.gaits.success_probability import load_odds
-from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
 from sim_core.structure.policy import checked_policy
 from sim_core.studies.ensemble_fit import stood_on_target
-from sim_core.studies.model_agreement import NamedGait, verdicts
 from sim_core.studies.tasks import Report, silent
 from sim_core.uncertainty.seeded_perturbation import perturb
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.session_data.folder import SessionFolder, Settings, begin_session
+from tensegrity_lab.session_data.folder import SessionFolder, Settings, begin_session, now_text, virtual_robot_text
 from tensegrity_lab.session_data.ledger import Ledger
-from tensegrity_lab.session_data.plan import DIGITS, Slot, chosen_gaits, chosen_primitives, make_plan
+from tensegrity_lab.session_data.plan import DIGITS, Slot, chosen_gaits, chosen_primitives, planned
 from tensegrity_lab.session_data.record import Event, Line, Outcome, utc_text
 
 COMPUTED = "batch solver"
@@ -56,38 +53,29 @@ def session_of(
         SessionError: no such gaits, or the folder holds something else. ParameterError, OSError.
     """
     chosen = chosen_gaits(chosen_primitives(library, primitives), gaits)
-    listed = [NamedGait(gait.name, gait.source, gait.target, gait.policy) for gait in chosen]
-    plan = make_plan(chosen, verdicts(nominal, listed), FaceGraph(library, load_odds(library)), 1, seed)
-    robot = f"virtual prototype, seed {seed}, ±{100 * perturbation:g} %, actuators {IDEAL}"
-    folder = begin_session(path, settings_of(path, library, primitives, gaits, robot, perturbation, seed, COMPUTED), plan, library)
-    jobs = [Job(0, slot.source, checked_policy(slot.policy_mm, 10_000), slot.target) for slot in plan]
-    results = Batch([perturb(nominal, perturbation, seed)]).run(jobs, report)
-    Ledger(path).append_all(
-        [line for n, (s, r) in enumerate(zip(plan, results, strict=True), 1) for line in _lines(folder, n, s, r)]
-    )
-    return folder
-
-
-def settings_of(
-    path: Path, library: Library, primitives: str, gaits: str, robot: str, perturbation: float, seed: int, computed: str
-) -> Settings:
-    """A session's settings: of a virtual prototype with ideal actuators."""
-    return Settings(
+    plan = planned(chosen, library, nominal, 1, seed)
+    settings = Settings(
         name=path.resolve().name,
-        created=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+        created=now_text(),
         library=library.name,
         library_hash=library.hash,
         primitives=primitives,
         gaits=gaits,
         repeats=1,
         order_seed=seed,
-        robot=robot,
+        robot=virtual_robot_text(seed, perturbation, IDEAL),
         virtual_robot=True,
         perturbation=perturbation,
         seed=seed,
         actuators=IDEAL,
-        computed=computed,
+        computed=COMPUTED,
     )
+    folder = begin_session(path, settings, plan, library)
+    jobs = [Job(0, slot.source, checked_policy(slot.policy_mm, 10_000), slot.target) for slot in plan]
+    results = Batch([perturb(nominal, perturbation, seed)]).run(jobs, report)
+    trials = zip(plan, results, strict=True)
+    Ledger(path).append_all([line for n, (slot, result) in enumerate(trials, 1) for line in _lines(folder, n, slot, result)])
+    return folder
 
 
 def _lines(folder: SessionFolder, number: int, slot: Slot, result: RollResult) -> Sequence[Line]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from sim_core.studies.gait_prior import fitted_prior, gaits_of, roll_of, shipped
 from sim_core.studies.rehearsal import MEMBERS
 from sim_core.uncertainty.ensemble import Posterior, posterior_text
 from sim_core.uncertainty.robot_prior import LABELS, Prior
-from tensegrity_lab.studies.fit_demonstration import Setting, demonstrate, half_ranges
+from tensegrity_lab.studies.fit_demonstration import FitOptions, Setting, demonstrate, half_ranges
 from tensegrity_lab.studies.fit_page import page_of
 from tensegrity_lab.studies.fit_trials import Tries
 from tensegrity_lab.terminal.compile_notice import compile_first
@@ -26,18 +26,6 @@ from tensegrity_lab.terminal.forecast import say_forecast
 from tensegrity_lab.terminal.progress import bars
 
 VIRTUAL = "These are virtual trials: the robot shares the model's equations, so this says nothing of a real one."
-
-
-@dataclass(frozen=True)
-class Asked:
-    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_posterior.learned_odds`."""
-
-    members: int
-    rounds: int
-    seed: int
-    lapse: float
-    prior: Prior
-    weight: float
 
 
 def prior_of(words: str) -> Prior:
@@ -55,43 +43,31 @@ def prior_of(words: str) -> Prior:
     return Prior(**given)
 
 
-def fitted(model: Model, tries: Tries, asked: Asked, with_odds: bool = False) -> Fit:
+def fitted(model: Model, tries: Tries, options: FitOptions, with_probabilities: bool = False) -> Fit:
     """Fit an ensemble, with forecast and progress on standard error. Raises what `fit` raises.
 
     Args:
         model: the nominal one.
         tries: what was tried, and how it ended.
-        asked: how many members and rounds.
-        with_odds: how likely every gait is will be computed after it: part of the forecast.
+        options: how many members and rounds.
+        with_probabilities: how likely every gait is will be computed after it: part of the forecast.
     """
     compile_first(Stage.BATCH)
-    rounds = 1 + asked.rounds
-    each = asked.members * (len({one.roll for one in tries.seen if one.placed}) + sum(not one.placed for one in tries.seen))
-    what = f"fitting {asked.members} robots to {len(tries.seen)} trials, in {rounds} round(s) at most"
-    later = len(gaits_of(tries.library.primitives)) * MEMBERS if with_odds else 0
+    rounds = 1 + options.rounds
+    each = options.members * (len({one.roll for one in tries.seen if one.placed}) + sum(not one.placed for one in tries.seen))
+    what = f"fitting {options.members} robots to {len(tries.seen)} trials, in {rounds} round(s) at most"
+    later = len(gaits_of(tries.library.primitives)) * MEMBERS if with_probabilities else 0
     say_forecast(what + (", then how likely each gait is" if later else ""), rounds * each + later, model)
     with bars("rolls", "nothing was written; the same command gives the same result later") as bar:
-        return fit(
-            model,
-            tries.seen,
-            asked.prior,
-            asked.members,
-            asked.seed,
-            asked.lapse,
-            asked.rounds,
-            lambda number: bar(f"round {number} of at most {rounds}"),
-        )
+        how = (options.prior, options.members, options.seed, options.lapse, options.rounds)
+        return fit(model, tries.seen, *how, lambda number: bar(f"round {number} of at most {rounds}"))
 
 
 def write_ensemble(path: Path, model: Model, tries: Tries, found: Fit) -> None:
     """Write the ensemble's file. Raises OSError."""
     provenance = {
         "how": "members drawn from a prior, weighted by the likelihood of trials' outcomes",
-        "sessions": list(tries.sources),
-        "robot": tries.robot,
-        "virtual": tries.virtual,
-        "trials": len(tries.seen),
-        "successes": sum(one.won for one in tries.seen),
+        **tries.facts,
         "library": tries.library.name,
         "library_hash": tries.library.hash,
         "prior": found.prior.plain,
@@ -104,7 +80,7 @@ def write_ensemble(path: Path, model: Model, tries: Tries, found: Fit) -> None:
     path.write_text(posterior_text(posterior), encoding="utf-8")
 
 
-def write_odds(path: Path, model: Model, tries: Tries, found: Fit | None, asked: Asked) -> None:
+def write_probabilities(path: Path, model: Model, tries: Tries, found: Fit | None, options: FitOptions) -> None:
     """Write the odds' file: of the fitted ensemble, or without one of the shipped odds; and of each gait's own trials. OSError."""
     source = f"{'virtual ' if tries.virtual else ''}trials of {tries.robot}: {', '.join(tries.sources)}"
     if found is None:
@@ -119,23 +95,15 @@ def write_odds(path: Path, model: Model, tries: Tries, found: Fit | None, asked:
         def prior(gait: Any) -> float:
             return known[roll_of(gait)]
 
-    path.write_text(odds_text(learned_odds(tries.library, prior, tries.counts, asked.weight, how)), encoding="utf-8")
+    path.write_text(odds_text(learned_odds(tries.library, prior, tries.counts, options.weight, how)), encoding="utf-8")
 
 
 def document_of(tries: Tries, found: Fit | None) -> dict[str, Any]:
     """For scripts."""
-    document: dict[str, Any] = {
-        "sessions": list(tries.sources),
-        "robot": tries.robot,
-        "virtual": tries.virtual,
-        "trials": len(tries.seen),
-        "successes": sum(one.won for one in tries.seen),
-    }
-    if found is not None:
-        document["effective_sizes"] = list(found.effective_sizes)
-        document["lapses"] = list(found.lapses)
-        document["estimates"] = [one._asdict() for one in _estimates(found)]
-    return document
+    if found is None:
+        return tries.facts
+    sizes = {"effective_sizes": list(found.effective_sizes), "lapses": list(found.lapses)}
+    return tries.facts | sizes | {"estimates": [one._asdict() for one in _estimates(found)]}
 
 
 def _estimates(found: Fit) -> list[Any]:
@@ -168,19 +136,9 @@ def text_of(tries: Tries, found: Fit | None) -> str:
     return "\n".join(lines)
 
 
-def demonstrated(model: Model, asked: Asked, robots: int, primitives: int, searched: int, library: str, path: Path) -> str:
+def demonstrated(model: Model, setting: Setting, library: str, path: Path) -> str:
     """Demonstrate on hidden virtual robots; write the page, which is returned. Raises OSError."""
     compile_first(Stage.BATCH)
-    setting = Setting(
-        robots,
-        primitives=primitives,
-        searched=searched,
-        members=asked.members,
-        rounds=asked.rounds,
-        seed=asked.seed,
-        lapse=asked.lapse,
-        prior=asked.prior,
-    )
     with bars("rolls", "nothing was written; the demonstration begins anew") as bar:
         shown = demonstrate(model, load_library(library), setting, bar)
     text = page_of(shown, model.hash)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -37,29 +38,37 @@ PREDICTING = 64
 
 
 @dataclass(frozen=True)
-class Setting:
-    """What is demonstrated: hidden robots, trials of each, primitives of each class; how to fit (`ensemble_fit.fit`); a seed.
+class FitOptions:
+    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_posterior.learned_odds`."""
+
+    members: int = 128
+    rounds: int = 2
+    seed: int = 1
+    lapse: float = LAPSE
+    prior: Prior = field(default_factory=Prior)
+    weight: float = WEIGHT
+
+
+@dataclass(frozen=True)
+class Setting(FitOptions):
+    """What is demonstrated, and how it is fitted.
 
     Attributes:
+        robots: hidden ones.
+        trials: of each.
+        primitives: of each class.
         searched: for so many of the robots, those that the shipped library `robust` does worst on, a library is searched on the
             fitted ensemble.
-        generations: of these searches, at most; None: the plan's.
     """
 
     robots: int = 3
     trials: int = 64
     primitives: int = 4
-    members: int = 128
-    rounds: int = 2
     searched: int = 1
-    generations: int | None = None
-    seed: int = 1
-    lapse: float = LAPSE
-    prior: Prior = field(default_factory=Prior)
 
 
 @dataclass(frozen=True)
-class Case:
+class RobotCase:
     """One hidden robot.
 
     Attributes:
@@ -93,7 +102,7 @@ class Demonstration:
     library: Library
     gaits: int
     held_out: int
-    cases: tuple[Case, ...]
+    cases: tuple[RobotCase, ...]
 
 
 def hidden_robot(prior: Prior, seed: int, number: int) -> Member:
@@ -120,7 +129,7 @@ def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[
     rolls = [(roll_of(gait), True) for gait in gaits]
     hidden = [hidden_robot(setting.prior, setting.seed, number) for number in range(setting.robots)]
     truth = wins_of(model, hidden, rolls, bar("hidden robots"))
-    default = _default_odds(model, gaits, setting.lapse, bar("default ensemble"))
+    default = _default_probabilities(model, gaits, setting.lapse, bar("default ensemble"))
     first = wins_of(model, prior_members(setting.prior, setting.members, setting.seed)[1], rolls, bar("prior ensemble"))
     shipped = _won(model, hidden, load_library("robust"), bar("the shipped library"))
     worst = np.argsort(shipped.mean(axis=1), kind="stable")[: setting.searched].tolist()
@@ -137,7 +146,7 @@ def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[
     return Demonstration(setting, library, len(gaits), len(gaits) - setting.trials, tuple(cases))
 
 
-def _default_odds(model: Model, gaits: Sequence[Gait], lapse: float, report: Report) -> NDArray[np.float64]:
+def _default_probabilities(model: Model, gaits: Sequence[Gait], lapse: float, report: Report) -> NDArray[np.float64]:
     members = sample(model, DEFAULT_LAW, DEFAULT_MEMBERS, DEFAULT_SEED)
     jobs = [Job(k, gait.source, gait.policy, gait.target) for k in range(len(members)) for gait in gaits]
     wins = np.array([stood_on_target(result) for result in Batch(members).run(jobs, report)]).reshape(len(members), -1)
@@ -154,42 +163,32 @@ def _case(
     first: NDArray[np.bool_],
     default: NDArray[np.float64],
     report: Report,
-) -> Case:
+) -> RobotCase:
     seen = [Seen(roll_of(gaits[i]), bool(truth[i]), True) for i in tried]
-    found = fit(
-        model,
-        seen,
-        setting.prior,
-        setting.members,
-        setting.seed,
-        setting.lapse,
-        rounds=setting.rounds,
-        report_of=lambda number: report,
-        first_wins=first[:, tried],
-    )
-    prior_odds = fitted_prior(model, found, seen, gaits, PREDICTING, report)
-    fitted = np.array([prior_odds[roll_of(gait)] for gait in gaits])
+    how = (setting.prior, setting.members, setting.seed, setting.lapse, setting.rounds)
+    found = fit(model, seen, *how, report_of=lambda number: report, first_wins=first[:, tried])
+    known = fitted_prior(model, found, seen, gaits, PREDICTING, report)
+    fitted = np.array([known[roll_of(gait)] for gait in gaits])
     others = np.setdiff1d(np.arange(len(gaits)), tried)
     flat = predictive(first, np.full(len(first), 1.0 / len(first)), setting.lapse)
-    scores = tuple(log_score(odds[others], truth[others]) for odds in (default, flat, fitted))
+    scores = tuple(log_score(p[others], truth[others]) for p in (default, flat, fitted))
     for i in tried:
         fitted[i] = beta_mean(float(fitted[i]), WEIGHT, int(truth[i]), 1)
-    pairs: dict[tuple[str, str], list[int]] = {(gait.source, gait.target): [] for gait in gaits}
+    pairs: dict[tuple[str, str], list[int]] = defaultdict(list)
     for number, gait in enumerate(gaits):
         pairs[gait.source, gait.target].append(number)
-    best = [sum(bool(truth[max(own, key=lambda i: odds[i])]) for own in pairs.values()) for odds in (default, fitted)]
-    told = estimates(found.parameters, found.weights, LABELS, half_ranges(setting.prior))
+    best = [sum(bool(truth[max(own, key=lambda i: p[i])]) for own in pairs.values()) for p in (default, fitted)]
+    told = tuple(estimates(found.parameters, found.weights, LABELS, half_ranges(setting.prior)))
     steepness = float(found.weights @ [member.steepness_deg for member in found.members])
     possible = sum(bool(truth[own].any()) for own in pairs.values())
-    won = int(truth[tried].sum())
-    return Case(hidden, found, tuple(told), won, steepness, (scores[0], scores[1], scores[2]), (best[0], best[1], possible), None)
+    chosen = best[0], best[1], possible
+    return RobotCase(hidden, found, told, int(truth[tried].sum()), steepness, (scores[0], scores[1], scores[2]), chosen, None)
 
 
-def _searched(model: Model, setting: Setting, case: Case, report: Report) -> Library:
+def _searched(model: Model, setting: Setting, case: RobotCase, report: Report) -> Library:
     """The library that a search finds on the fitted ensemble."""
     posterior = Posterior(model.hash, {"demonstration": setting.seed}, setting.prior.noise, case.found.members, case.found.weights)
-    plan = fitted_to(posterior)
-    search = Search(model.prototype, replace(plan, generations=setting.generations or plan.generations))
+    search = Search(model.prototype, fitted_to(posterior))
     while not search.done:
         search.step()
         report(round(1000 * search.progress.finished), 1000)

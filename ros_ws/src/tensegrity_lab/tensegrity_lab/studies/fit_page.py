@@ -9,7 +9,7 @@ from sim_core.studies.ensemble_fit import LEAST
 from sim_core.studies.gait_posterior import WEIGHT
 from sim_core.studies.rehearsal import MEMBERS as DEFAULT_MEMBERS
 from tensegrity_lab.reports.markdown import table
-from tensegrity_lab.studies.fit_demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Case, Demonstration
+from tensegrity_lab.studies.fit_demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Demonstration, RobotCase
 
 INTRODUCTION = """\
 # Learning from trials
@@ -77,7 +77,7 @@ def page_of(shown: Demonstration, model_hash: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _searched(cases: Sequence[Case]) -> list[str]:
+def _searched(cases: Sequence[RobotCase]) -> list[str]:
     rows = []
     for number, case in enumerate(cases, start=1):
         if case.libraries is not None:

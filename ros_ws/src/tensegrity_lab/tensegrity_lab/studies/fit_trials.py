@@ -7,17 +7,18 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from hardware_bridge.recording.bag_reader import read_session
 from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.dynamics.model import Model, build_model
-from sim_core.gaits.library import Library, load_library
+from sim_core.gaits.library import Gait, Library, load_library
 from sim_core.structure.elements import PREVIOUS
 from sim_core.structure.policy import checked_policy
 from sim_core.structure.topology import NEIGHBOURS
 from sim_core.studies.ensemble_fit import Roll, Seen
 from tensegrity_lab.bags.replay import model_of
-from tensegrity_lab.bags.rolls import outcomes_of
+from tensegrity_lab.bags.rolls import attempts_of
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.reports.trial_analysis import read_told
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
@@ -45,6 +46,12 @@ class Tries:
     library: Library
     seen: tuple[Seen, ...]
     names: tuple[str, ...]
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """For scripts and for the record."""
+        counts = {"trials": len(self.seen), "successes": sum(one.won for one in self.seen)}
+        return {"sessions": list(self.sources), "robot": self.robot, "virtual": self.virtual, **counts}
 
     @property
     def counts(self) -> dict[tuple[str, str, str], tuple[int, int]]:
@@ -103,9 +110,7 @@ def _require_model(tries: Tries, model: Model) -> None:
 def _session(path: Path) -> Tries:
     told = read_told(path)
     settings = told.folder.settings
-    placed = bool(settings.computed)
-    lines = told.valid
-    return _of_lines(path.name, settings.robot, settings.virtual_robot, told.folder.library, lines, placed)
+    return _of_lines(path.name, settings.robot, settings.virtual_robot, told.folder.library, told.valid, bool(settings.computed))
 
 
 def _bag(path: Path, model: Model, library: str | None) -> Tries:
@@ -127,14 +132,8 @@ def _bag(path: Path, model: Model, library: str | None) -> Tries:
 
 
 def _of_lines(source: str, robot: str, virtual: bool, library: Library, lines: Sequence[Line], placed: bool) -> Tries:
-    seen = tuple(
-        Seen(
-            Roll(line.source, line.target, checked_policy(line.policy_mm, 10_000)),
-            line.outcome is Outcome.SUCCESS,
-            placed,
-        )
-        for line in lines
-    )
+    rolls = (Roll(line.source, line.target, checked_policy(line.policy_mm, 10_000)) for line in lines)
+    seen = tuple(Seen(roll, line.outcome is Outcome.SUCCESS, placed) for roll, line in zip(rolls, lines, strict=True))
     return Tries((source,), robot, virtual, library, seen, tuple(line.primitive for line in lines))
 
 
@@ -145,21 +144,17 @@ def _unplanned(path: Path, model: Model, library: Library) -> Tries:
     if recorded != model.hash:
         raise SessionError(f"{path.name} was recorded with model {recorded}, not {model.hash}: give its --prototype")
     seen, names = [], []
-    for outcome in outcomes_of(session, model.prototype.strut_length_m):
-        gait = _gait(library, outcome.source, outcome.policy)
+    for attempt in attempts_of(session, model.prototype.strut_length_m):
+        gait = _gait(library, attempt.source, attempt.policy)
         if gait is not None:
-            seen.append(Seen(Roll(gait[1], gait[2], checked_policy(outcome.policy, 10_000)), outcome.succeeded(gait[2]), False))
-            names.append(gait[0])
+            roll = Roll(gait.source, gait.target, checked_policy(gait.policy, 10_000))
+            seen.append(Seen(roll, attempt.succeeded(gait.target), False))
+            names.append(gait.primitive.name)
     virtual = any(m.source == "prototype" for m in session.of("bridge/face"))
     return Tries((path.name,), UNNAMED, virtual, library, tuple(seen), tuple(names))
 
 
-def _gait(library: Library, source: str | None, policy: tuple[int, ...]) -> tuple[str, str, str] | None:
+def _gait(library: Library, source: str | None, policy: tuple[int, ...]) -> Gait | None:
     """The library's gait from there with that policy; None: there is none."""
-    if source is None:
-        return None
-    for target in NEIGHBOURS[source]:
-        for gait in library.gaits(source, target):
-            if gait.policy == policy:
-                return gait.primitive.name, source, target
-    return None
+    gaits = (gait for target in NEIGHBOURS.get(source or "", ()) for gait in library.gaits(source or "", target))
+    return next((gait for gait in gaits if gait.policy == policy), None)

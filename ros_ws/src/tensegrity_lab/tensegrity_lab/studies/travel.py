@@ -3,24 +3,23 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from hardware_bridge.prototype_client.observer_client import ObserverClient
 from hardware_bridge.recording.bag_reader import read_session
 from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
-from tensegrity_lab.bags.observed_path import observed_path
-from tensegrity_lab.stack.processes import Stack, Uninterrupted
-from tensegrity_lab.stack.ros_domain import private_domain
+from tensegrity_lab.bags.replay import observed_path
+from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
-from tensegrity_lab.stack.virtual_stack import VirtualRobot
+from tensegrity_lab.stack.virtual_stack import VirtualRobot, running
+from tensegrity_lab.terminal.leaving import uninterrupted
 
 ROLL_LIMIT_S, REST_LIMIT_S = 60.0, 1_300.0
 """Robot time that a roll may take, and all resting."""
@@ -42,6 +41,7 @@ class Trip:
         places_m: where that was seen, (n, 2).
         seed, incline_deg, perturbation: of the robot.
         bag: file.
+        stands: faces that it was seen at rest on, each with (x, y) of its centre in [m].
     """
 
     goal_m: tuple[float, float]
@@ -63,6 +63,7 @@ class Trip:
     time_scale: float
     places_m: tuple[tuple[float, float], ...]
     bag: str
+    stands: tuple[tuple[str, float, float], ...] = ()
 
     @property
     def ratio(self) -> float:
@@ -74,7 +75,6 @@ class Trip:
 def travel(
     robot: VirtualRobot,
     goal_m: tuple[float, float],
-    folder: Path,
     tell: Callable[[str], None],
     reach_m: float = 0.0,
     most_rolls: int = 0,
@@ -87,11 +87,10 @@ def travel(
     Args:
         robot: the virtual robot and its stack.
         goal_m: (x, y) on the floor, in [m].
-        folder: for links and state.
         tell: told what goes on.
         reach_m: how near is there, in [m]; 0: the traveller's own.
         most_rolls: rolls after which it gives up; 0: the traveller's own.
-        use_odds: plan by the library's odds; else all gaits count alike.
+        use_odds: plan by the library's probabilities; else all gaits count alike.
         domain: of ROS; None: any that is free.
         say: told a line for people that is to stay.
 
@@ -99,43 +98,18 @@ def travel(
         StackError: the stack does not come up, or a process of it dies.
         KeyboardInterrupt: with the struts held and the bag closed.
     """
-    robot.require()
-    robot.bags.mkdir(parents=True, exist_ok=True)
     late = LateOrders()
-    with private_domain(domain) as own:
-        say(own.words)
-        tell("starting virtual prototype, bridge, planner, traveller and twin")
-        stack = Stack(robot.bags / "logs" / f"{time.strftime('%Y%m%d-%H%M%S')}-{os.getpid()}", *own.locks)
-        try:
-            handshake = robot.start(stack, folder, travels=True, planner=[("use_odds", use_odds)])
-            with closing(ObserverClient(handshake.observer, late.saw)):
-                result, bag = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
-        finally:
-            with Uninterrupted() as ending:
-                stack.stop()
-    if ending.interrupted:  # a study would go on with its next trip
-        raise KeyboardInterrupt
-    return Trip(
-        goal_m,
-        robot.library,
-        use_odds,
-        robot.seed,
-        robot.incline_deg,
-        robot.perturbation,
-        bool(result.success),
-        str(result.reason),
-        int(result.rolls),
-        int(result.missed),
-        float(result.left_m),
-        float(result.path_m),
-        float(result.straight_m),
-        float(result.duration_s),
-        tuple(result.face_sequence),
-        late.worst_s,
-        robot.time_scale,
-        _places(bag),
-        bag,
-    )
+    tell("starting virtual prototype, bridge, planner, traveller and twin")
+    with (
+        running(robot, "travel", say, domain, {"use_odds": use_odds}) as (stack, handshake),
+        closing(ObserverClient(handshake.observer, late.saw)),
+    ):
+        result, bag = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
+    known = goal_m, robot.library, use_odds, robot.seed, robot.incline_deg, robot.perturbation
+    end = bool(result.success), str(result.reason), int(result.rolls), int(result.missed)
+    ways = float(result.left_m), float(result.path_m), float(result.straight_m), float(result.duration_s)
+    places_m, stands = _seen(bag)
+    return Trip(*known, *end, *ways, tuple(result.face_sequence), late.worst_s, robot.time_scale, places_m, bag, stands)
 
 
 def _operate(
@@ -148,6 +122,7 @@ def _operate(
     most_rolls: int,
     tell: Callable[[str], None],
 ) -> tuple[Any, str]:
+    """The action's result, and the bag."""
     from tensegrity_lab.stack.client import StackClient  # rclpy: only once the processes are on their way
 
     operator = StackClient(stack, prototype)
@@ -167,13 +142,18 @@ def _operate(
         operator.disarm()
         return result, bag
     finally:
-        with Uninterrupted():
+        with uninterrupted():
             operator.close()
 
 
-def _places(bag: str) -> tuple[tuple[float, float], ...]:
-    """Where the observer saw the robot's centre, thinned out."""
-    _, joints = observed_path(read_session(bag, topics=TOPICS), 0.0)
-    centers = joints.mean(axis=1)[:, :2].tolist() if len(joints) else []
-    thin = max(1, len(centers) // POINTS)
-    return tuple((round(x, 4), round(y, 4)) for x, y in centers[::thin])
+def _seen(bag: str) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[str, float, float], ...]]:
+    """Where the observer saw the robot's centre, thinned out; and where it stood on which face."""
+    session = read_session(bag, topics=TOPICS)
+    times_s, joints = observed_path(session, 0.0)
+    centers = joints.mean(axis=1)[:, :2].round(4).tolist()
+    stands: list[tuple[str, float, float]] = []
+    for told in session.of("bridge/face") if centers else ():
+        if told.settled and told.face and (not stands or told.face != stands[-1][0]):
+            x, y = centers[min(int(np.searchsorted(times_s, told.robot_time_ns / 1e9)), len(centers) - 1)]
+            stands.append((str(told.face), x, y))
+    return tuple((x, y) for x, y in centers[:: max(1, len(centers) // POINTS)]), tuple(stands)

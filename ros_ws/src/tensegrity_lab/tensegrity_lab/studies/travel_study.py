@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -91,7 +90,8 @@ def read_trips(folder: Path) -> dict[Key, Trip]:
         number = row.pop("number")
         for name in ("goal_m", "faces"):
             row[name] = tuple(row[name])
-        row["places_m"] = tuple((x, y) for x, y in row["places_m"])
+        for name in ("places_m", "stands"):
+            row[name] = tuple(map(tuple, row.get(name, ())))
         trip = Trip(**row)
         found[number, trip.incline_deg, trip.library, trip.use_odds] = trip
     return found
@@ -133,8 +133,7 @@ def study(
 
 
 def _trip(robot: VirtualRobot, case: Case, tell: Callable[[str], None]) -> Trip:
-    with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links:
-        return travel(robot, case.goal_m, Path(links), tell, use_odds=case.use_odds)
+    return travel(robot, case.goal_m, tell, use_odds=case.use_odds)
 
 
 SUMMARY = ("ground", "traveller", "arrived", "rolls", "missed", "rolls of an arrival", "rolling time of an arrival", "path ratio")

@@ -11,6 +11,7 @@ from sim_core.dynamics.model import Model
 from sim_core.dynamics.simd import WIDTH
 from sim_core.gaits.library import load_library
 from sim_core.rolling.batch import Batch, Job
+from tensegrity_lab.terminal.progress import duration_text
 
 
 def rolls_per_second(model: Model) -> float:
@@ -25,16 +26,8 @@ def rolls_per_second(model: Model) -> float:
     return len(jobs) / (perf_counter() - began)
 
 
-def about(seconds: float) -> str:
-    """A duration for people, no more exact than a forecast can be."""
-    if seconds < 90:
-        return f"{max(5, 5 * round(seconds / 5))} s"
-    minutes = seconds / 60
-    return f"{minutes:.0f} min" if minutes < 90 else f"{minutes / 60:.1f} h"
-
-
 def say_forecast(what: str, rolls: int, model: Model) -> None:
     """Tells on standard error what comes, and about how long it takes here."""
     speed = rolls_per_second(model)
-    time = f"about {about(rolls / speed)} at {speed:.0f} rolls/s here"
+    time = f"about {duration_text(rolls / speed)} at {speed:.0f} rolls/s here"
     print(f"{what}: {rolls} rolls, {time}; Ctrl-C leaves at any time", file=sys.stderr)

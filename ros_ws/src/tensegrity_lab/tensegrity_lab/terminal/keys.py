@@ -15,18 +15,8 @@ from tensegrity_lab.errors import KeyboardMissing
 
 UP, DOWN, RIGHT, LEFT, PAGE_UP, PAGE_DOWN, ENTER, ESCAPE = "up", "down", "right", "left", "page up", "page down", "enter", "escape"
 
-_SEQUENCES = {
-    "[A": UP,
-    "[B": DOWN,
-    "[C": RIGHT,
-    "[D": LEFT,
-    "[5~": PAGE_UP,
-    "[6~": PAGE_DOWN,
-    "OA": UP,
-    "OB": DOWN,
-    "OC": RIGHT,
-    "OD": LEFT,
-}
+_ARROWS = {"A": UP, "B": DOWN, "C": RIGHT, "D": LEFT}
+_SEQUENCES = {lead + letter: key for lead in "[O" for letter, key in _ARROWS.items()} | {"[5~": PAGE_UP, "[6~": PAGE_DOWN}
 _REST_OF_SEQUENCE_S = 0.05
 """A terminal sends the bytes of one key together; a lone Esc is a person's."""
 

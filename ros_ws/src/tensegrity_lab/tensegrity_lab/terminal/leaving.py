@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Ctrl-C while something long is computed."""
+"""Ctrl-C while something long is computed, and while something must be whole."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 EXIT_INTERRUPTED = 130
+_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _SHOW_CURSOR = "\x1b[?25h"
 
 
@@ -35,3 +36,24 @@ def leaves_at_once(kept: str) -> Iterator[None]:
         yield
     finally:
         signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
+def uninterrupted(again: bool = False) -> Iterator[list[int]]:
+    """Signals wait until the block is over: a second Ctrl-C must not lose a bag. For the main thread.
+
+    Args:
+        again: they come then; else they are only remembered.
+
+    Yields:
+        numbers of those that came: who would go on with something else should end instead.
+    """
+    came: list[int] = []
+    before = {number: signal.signal(number, lambda number, frame: came.append(number)) for number in _SIGNALS}
+    try:
+        yield came
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        for late in came if again else ():
+            signal.raise_signal(late)

@@ -48,3 +48,11 @@ def bars(unit: str, kept: str = "") -> Iterator[Reporter]:
             return lambda done, total: progress.update(task, completed=done, total=total)
 
         yield bar
+
+
+def duration_text(seconds: float) -> str:
+    """For people: "5 h 34 min", "7 min", "40 s"."""
+    minutes = round(seconds / 60)
+    if minutes >= 60:
+        return f"{minutes // 60} h {minutes % 60:02d} min"
+    return f"{minutes} min" if seconds >= 90 else f"{seconds:.0f} s"

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.structure.topology import NEIGHBOURS
@@ -36,22 +36,6 @@ class Verdict(NamedTuple):
     face: str
 
 
-class Hands(Protocol):
-    """Judges and places."""
-
-    def arm(self, lab: RobotAccess) -> None:
-        """Arm a robot that was just connected. Raises StackError."""
-
-    def place(self, lab: RobotAccess, due: Sequence[Slot], watch: Callable[[], None]) -> None:
-        """Have the robot where something is due. Raises StackError, SessionError."""
-
-    def judge(self, lab: RobotAccess, slot: Slot, rolled: Rolled) -> Verdict:
-        """How a roll ended."""
-
-    def recover(self, lab: RobotAccess, due: Sequence[Slot], trouble: str) -> None:
-        """Make the stack fit for another trial, and the robot armed. Raises StackError, SessionError."""
-
-
 def void_of(rolled: Rolled) -> str:
     """Why nothing was learnt from a roll; empty: it was a trial."""
     return "" if rolled.completed else rolled.reason or "the roll ended early"
@@ -67,13 +51,13 @@ class Observer:
         self._say = say
 
     def arm(self, lab: RobotAccess) -> None:
-        """See Hands."""
+        """Arm a robot that was just connected. Raises StackError."""
         lab.wait_for_rest()
         lab.arm(at_mid_stroke=True)
         lab.wait_for_rest()
 
     def place(self, lab: RobotAccess, due: Sequence[Slot], watch: Callable[[], None]) -> None:
-        """See Hands."""
+        """Have the robot where something is due. Raises StackError, SessionError."""
         wanted = {slot.source for slot in due}
         misses = 0
         while lab.face and lab.face not in wanted and misses < MISSES and not lab.trouble():
@@ -87,14 +71,14 @@ class Observer:
             self._restart(lab, placing(due))
 
     def judge(self, lab: RobotAccess, slot: Slot, rolled: Rolled) -> Verdict:
-        """See Hands."""
+        """How a roll ended."""
         reason = void_of(rolled)
         if reason:
             return Verdict(Outcome.VOID, reason, rolled.observed_face)
         return Verdict(Outcome.SUCCESS if rolled.success else Outcome.FAILURE, rolled.reason, rolled.observed_face)
 
     def recover(self, lab: RobotAccess, due: Sequence[Slot], trouble: str) -> None:
-        """See Hands."""
+        """Make the stack fit for another trial, and the robot armed. Raises StackError, SessionError."""
         self._restart(lab, placing(due))
 
     def _restart(self, lab: RobotAccess, face: str) -> None:
@@ -138,7 +122,7 @@ class Person:
             self._panel.show(question="", keys=())
 
     def arm(self, lab: RobotAccess) -> None:
-        """See Hands."""
+        """Arm a robot that was just connected. Raises StackError."""
         self.ask("Lift the robot, keep hands clear, switch of the supply within reach.", {ENTER: "arm"})
         at_mid_stroke = False
         while True:
@@ -154,7 +138,7 @@ class Person:
                 self._panel.show(trouble="")
 
     def place(self, lab: RobotAccess, due: Sequence[Slot], watch: Callable[[], None]) -> None:
-        """See Hands."""
+        """Have the robot where something is due. Raises StackError, SessionError."""
         face = placing(due)
         self._panel.show(source=face, target="?", primitive="", stands=lab.face)
         self.ask(f"Put the robot on {face}, then step back.", {ENTER: f"it stands on {face}"})
@@ -166,7 +150,7 @@ class Person:
             lab.say_face(face)
 
     def judge(self, lab: RobotAccess, slot: Slot, rolled: Rolled) -> Verdict:
-        """See Hands."""
+        """How a roll ended."""
         reason = void_of(rolled)
         if reason:
             self._panel.show(trouble=reason)
@@ -195,7 +179,7 @@ class Person:
         return face
 
     def recover(self, lab: RobotAccess, due: Sequence[Slot], trouble: str) -> None:
-        """See Hands."""
+        """Make the stack fit for another trial, and the robot armed. Raises StackError, SessionError."""
         self._panel.show(trouble=trouble)
         self.ask("Remove the cause; lift the robot, hands clear.", {ENTER: "reset and arm again"})
         self._panel.show(trouble="")
@@ -207,3 +191,7 @@ class Person:
         lab.reset()
         self.arm(lab)
         self.place(lab, due, lambda: None)
+
+
+Hands = Observer | Person
+"""Who judges and places: the same four methods."""

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
-from types import TracebackType
-from typing import Any, Protocol
+from typing import Any, Self
+
+from tensegrity_lab.terminal.progress import duration_text
+
+REFRESH_HZ = 5.0
 
 _GLYPHS = {
     "0": ("███", "█ █", "█ █", "█ █", "███"),
@@ -84,84 +87,50 @@ def keys_text(keys: Iterable[tuple[str, str]]) -> str:
     return "   ".join(f"{key} {meaning}" for key, meaning in keys)
 
 
-def duration_text(seconds: float) -> str:
-    """For people: "5 h 34 min", "7 min", "40 s"."""
-    minutes = round(seconds / 60)
-    if minutes >= 60:
-        return f"{minutes // 60} h {minutes % 60:02d} min"
-    return f"{minutes} min" if seconds >= 90 else f"{seconds:.0f} s"
+class Panel:
+    """Where a session shows what it does: the whole screen of a terminal; without one lines, a question as a line.
 
+    Attributes:
+        shown: what is on it.
+    """
 
-class Panel(Protocol):
-    """Where a session shows what it does."""
-
-    def __enter__(self) -> Panel: ...
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None: ...
-
-    def show(self, **changes: Any) -> None:
-        """Change what is on the panel, see `Shown`."""
-
-    def line(self, text: str) -> None:
-        """One line that stays."""
-
-
-class Lines:
-    """No terminal: lines only, a question as a line."""
-
-    def __init__(self, kind: str):
-        self.shown = Shown(kind)
-
-    def __enter__(self) -> Lines:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        return None
-
-    def show(self, **changes: Any) -> None:
-        """See Panel."""
-        before, self.shown = self.shown, replace(self.shown, **changes)
-        if self.shown.question and self.shown.question != before.question:
-            self.line(f"{self.shown.question}  [{keys_text(self.shown.keys)}]")
-
-    def line(self, text: str) -> None:
-        """See Panel."""
-        print(text, flush=True)
-
-
-class Live:
-    """A terminal: the whole screen, live."""
-
-    REFRESH_HZ = 5.0
-
-    def __init__(self, kind: str):
-        from rich.live import Live as RichLive
+    def __init__(self, kind: str, terminal: bool = False, told: Callable[[Shown], None] = lambda shown: None):
+        """Args: kind: see `Shown`. terminal: there is one. told: hears every change as well."""
+        from rich.live import Live
 
         self.shown = Shown(kind)
+        self._told = told
         self._lines: list[str] = []
-        self._live = RichLive(get_renderable=self._picture, screen=True, refresh_per_second=self.REFRESH_HZ)
+        draw = lambda: picture(self.shown)  # noqa: E731
+        self._live = Live(get_renderable=draw, screen=True, refresh_per_second=REFRESH_HZ) if terminal else None
 
-    def __enter__(self) -> Live:
-        self._live.start()
+    def __enter__(self) -> Self:
+        if self._live is not None:
+            self._live.start()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._live.stop()
+    def __exit__(self, *details: object) -> None:
+        if self._live is not None:
+            self._live.stop()
         for text in self._lines:
             print(text)
 
     def show(self, **changes: Any) -> None:
-        """See Panel."""
-        self.shown = replace(self.shown, **changes)
-        if changes.get("question"):
-            self._live.refresh()
+        """Change what is on the panel, see `Shown`."""
+        before, self.shown = self.shown, replace(self.shown, **changes)
+        if self.shown.question and self.shown.question != before.question:
+            if self._live is not None:
+                self._live.refresh()
+            else:
+                self.line(f"{self.shown.question}  [{keys_text(self.shown.keys)}]")
+        self._told(self.shown)
 
     def line(self, text: str) -> None:
-        """See Panel: printed when the panel is gone."""
-        self._lines.append(text)
-
-    def _picture(self) -> Any:
-        return picture(self.shown)
+        """One line that stays; below the screen once that is gone."""
+        if self._live is not None:
+            self._lines.append(text)
+        else:
+            print(text, flush=True)
 
 
 def picture(shown: Shown) -> Any:
@@ -170,38 +139,31 @@ def picture(shown: Shown) -> Any:
     from rich.console import Group
     from rich.panel import Panel as Box
     from rich.progress_bar import ProgressBar
-    from rich.table import Table
+    from rich.table import Column, Table
     from rich.text import Text
 
     color = "red" if shown.trouble else "yellow" if shown.question else "green"
-    rate = f"{100 * shown.successes / shown.done:.0f} % succeeded" if shown.done else "none yet"
-    numbers = Table.grid(expand=True)
-    for _ in range(3):
-        numbers.add_column(justify="center")
-    numbers.add_row(
-        f"[bold]{shown.done} of {shown.total}[/] trials", f"[bold]{rate}[/]", f"[bold]{duration_text(shown.left_s)}[/] left"
-    )
-    health = Table.grid(expand=True)
-    for _ in range(4):
-        health.add_column(justify="center")
-    health.add_row(*(Text(text) for text in (f"link {shown.link}", f"duty {shown.duty}", f"battery {shown.battery}", shown.bag)))
-    parts: list[Any] = [
+    rate = f"{shown.successes} of {shown.done} succeeded" if shown.done else "none yet"
+
+    def row(*cells: Text) -> Table:
+        table = Table.grid(*(Column(justify="center") for _ in cells), expand=True)
+        table.add_row(*cells)
+        return table
+
+    def line(text: str, style: str = "") -> Any:
+        return Align.center(Text(f"\n{text}", style=style))
+
+    counts = f"{shown.done} of {shown.total} trials", rate, f"{duration_text(shown.left_s)} left"
+    health = f"link {shown.link}", f"duty {shown.duty}", f"battery {shown.battery}", shown.bag
+    parts = [
         Align.center(Text(big(f"{shown.source} → {shown.target}"), style=f"bold {color}")),
-        Align.center(
-            Text(f"\n{shown.primitive}   {shown.phase}   the robot stands on {shown.stands or 'no known face'}", style="bold")
-        ),
-        Text(""),
+        line(f"{shown.primitive}   {shown.phase}   the robot stands on {shown.stands or 'no known face'}\n", "bold"),
         Align.center(ProgressBar(total=max(1, shown.total), completed=shown.done)),
         Text(""),
-        numbers,
+        row(*(Text(text, style="bold") for text in counts)),
         Text(""),
-        health,
+        row(*map(Text, health)),
     ]
-    if shown.last:
-        parts.append(Align.center(Text(f"\nlast: {shown.last}")))
-    if shown.trouble:
-        parts.append(Align.center(Text(f"\n{shown.trouble}", style="bold red")))
-    if shown.question:
-        parts.append(Align.center(Text(f"\n{shown.question}", style="bold yellow")))
-    parts.append(Align.center(Text(f"\n{keys_text(shown.keys)}", style="dim")))
-    return Box(Group(*parts), title=shown.kind, border_style=color)
+    told = (f"last: {shown.last}" if shown.last else "", ""), (shown.trouble, "bold red"), (shown.question, "bold yellow")
+    parts += [line(text, style) for text, style in told if text]
+    return Box(Group(*parts, line(keys_text(shown.keys), "dim")), title=shown.kind, border_style=color)

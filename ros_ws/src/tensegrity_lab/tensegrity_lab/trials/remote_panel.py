@@ -13,11 +13,10 @@ import os
 import secrets
 import threading
 from dataclasses import asdict
-from types import TracebackType
 from typing import Any
 
 from tensegrity_lab.terminal.keys import ENTER
-from tensegrity_lab.trials.panel import Panel, Shown
+from tensegrity_lab.trials.panel import Shown
 
 _BYTES = {ENTER: b"\r"}
 KNOWN = frozenset("yvnuqpm0123456789")
@@ -33,12 +32,10 @@ def key_text(key: str, panel: str) -> str:
 def key_of(text: str) -> tuple[str, str]:
     """Key and panel's id of what was published; empty texts: it is no such message."""
     try:
-        told = json.loads(text) if len(text) <= LONGEST else None
-    except (ValueError, RecursionError):
-        told = None
-    if not isinstance(told, dict):
+        told: Any = json.loads(text if len(text) <= LONGEST else "null")
+        key, panel = told["key"], told["panel"]
+    except (ValueError, RecursionError, KeyError, TypeError):
         return "", ""
-    key, panel = told.get("key"), told.get("panel")
     return (key, panel) if isinstance(key, str) and isinstance(panel, str) else ("", "")
 
 
@@ -106,26 +103,3 @@ class Remote:
         self._context.try_shutdown()
         os.close(self._keys_to)
         os.close(self.keys_from)
-
-
-class Mirrored:
-    """A panel that is also shown elsewhere."""
-
-    def __init__(self, panel: Any, remote: Remote):
-        self._panel, self._remote = panel, remote
-
-    def __enter__(self) -> Panel:
-        self._panel.__enter__()
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
-        self._panel.__exit__(kind, error, trace)
-
-    def show(self, **changes: Any) -> None:
-        """See Panel."""
-        self._panel.show(**changes)
-        self._remote.show(self._panel.shown)
-
-    def line(self, text: str) -> None:
-        """See Panel."""
-        self._panel.line(text)

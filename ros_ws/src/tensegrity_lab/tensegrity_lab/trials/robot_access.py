@@ -24,7 +24,7 @@ from tensegrity_lab.session_data.folder import LIBRARY, LOGS, SessionFolder
 from tensegrity_lab.session_data.record import Line
 from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
-from tensegrity_lab.stack.virtual_stack import start_prototype
+from tensegrity_lab.stack.virtual_stack import VirtualRobot
 
 ROLL_LIMIT_S = 150.0
 """Robot time that one roll may take, all motions and all settlings."""
@@ -40,9 +40,12 @@ class Hardware:
     """How the robot is reached; may differ from start to start of a session.
 
     Attributes:
-        port: device or URL; empty: a virtual prototype is started. calibration: YAML; empty: the virtual prototype's.
-        board, baud: of the servo board. time_scale: of a virtual prototype. observed: somebody or something else tells faces.
+        port: device or URL; empty: a virtual prototype is started.
+        board, baud: of the servo board.
+        calibration: YAML; empty: the virtual prototype's.
+        time_scale: of a virtual prototype.
         rested_s, silent_board: the operator's words to the bridge, see its parameters; the first is said of the first start.
+        observed: something else than a person tells faces.
     """
 
     port: str
@@ -50,9 +53,9 @@ class Hardware:
     baud: int
     calibration: str
     time_scale: float
-    observed: bool
-    rested_s: float = 0.0
-    silent_board: bool = False
+    rested_s: float
+    silent_board: bool
+    observed: bool = False
 
 
 class Rolled(NamedTuple):
@@ -95,12 +98,6 @@ class RobotAccess:
         port, meant = (hardware.port, read_handshake(hardware.port)) if hardware.port else self._start_prototype(stack, face)
         prototype = "" if meant is None else meant.instance
         library = (self._session.path / LIBRARY).resolve()
-        planner: dict[str, Any] = {
-            "library": library,
-            # a person judges in their own time, after the roll
-            "confirm": "observed" if hardware.observed else "predicted",
-            **({"prototype": prototype} if prototype else {}),
-        }
         bridge: dict[str, Any] = {
             "port": port,
             "board": hardware.board,
@@ -114,7 +111,8 @@ class RobotAccess:
         if not hardware.port:
             bridge |= {"time_scale": hardware.time_scale, "state_folder": self._links}
         stack.node("twin", start_face=face)
-        stack.node("gait_planner", **planner)
+        confirm = "observed" if hardware.observed else "predicted"  # a person judges in their own time, after the roll
+        stack.node("gait_planner", library=library, confirm=confirm, prototype=prototype)
         stack.node("hardware_bridge", **{name: value for name, value in bridge.items() if value not in ("", 0)})
         from tensegrity_lab.stack.client import StackClient  # rclpy: only once the processes are on their way
 
@@ -127,18 +125,11 @@ class RobotAccess:
             self._eye = ObserverClient(meant.observer, self._late.saw)
 
     def _start_prototype(self, stack: Stack, face: str) -> tuple[str, Handshake]:
-        settings = self._session.settings
+        settings, hardware = self._session.settings, self._hardware
         self._links = Path(tempfile.mkdtemp(prefix="sixstrut-trial-"))  # short: a socket's path has at most 107 bytes
         link = self._links / "prototype"
-        words = {
-            "face": face,
-            "seed": settings.seed,
-            "perturbation": settings.perturbation,
-            "time-scale": self._hardware.time_scale,
-            "board": self._hardware.board,
-            "actuators": settings.actuators,
-        }
-        return str(link), start_prototype(stack, link, words)
+        robot = VirtualRobot(face, settings.seed, settings.perturbation, hardware.time_scale, hardware.board, settings.actuators)
+        return str(link), robot.start_prototype(stack, link)
 
     def stop(self) -> dict[str, int]:
         """End client and processes in order; exit codes by name. Safe to call twice."""
@@ -240,12 +231,7 @@ class RobotAccess:
 
     def rest(self, needed_s: float, watch: Callable[[], None]) -> None:
         """Until every strut may run for so long (robot time). Raises StackError: the duty window is over and it still may not."""
-
-        def rested() -> bool:
-            watch()
-            return bool(self.operator.bridge.duty_left_s >= needed_s)
-
-        self.operator.wait(rested, "the actuators' rest", 30.0 + 700.0 / self.scale)
+        self.operator.wait_for_duty(needed_s, 30.0 + 700.0 / self.scale, watch)
 
     def slow_down(self) -> bool:
         """At half the time scale from the next start on, if the last roll's orders came too late; False: no need, or no way."""

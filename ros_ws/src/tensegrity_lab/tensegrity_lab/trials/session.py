@@ -133,7 +133,9 @@ class Session:
         self._check(slot)
         began_ns, began_s = time.time_ns(), time.monotonic()
         bag, offset_s = lab.bag_place(began_ns)
-        line = self._line(Event.BEGIN, slot, self._ledger.standing().last_number + 1)
+        settings, number = self._folder.settings, self._ledger.standing().last_number + 1
+        robot = settings.robot, settings.virtual_robot, settings.library, settings.library_hash
+        line = Line(Event.BEGIN, number, _now(), settings.name, self._experimenter, *robot, **slot._asdict())
         line = replace(line, began=utc_text(began_ns), bag=bag, bag_offset_s=round(offset_s, DIGITS))
         rolled = Rolled(False, False, "", "", (slot.source,), math.nan, "")
         try:
@@ -176,21 +178,6 @@ class Session:
         while time.monotonic() < end:
             self._watch()
             time.sleep(0.05)
-
-    def _line(self, event: Event, slot: Slot, number: int) -> Line:
-        settings = self._folder.settings
-        return Line(
-            event,
-            number,
-            _now(),
-            settings.name,
-            self._experimenter,
-            settings.robot,
-            settings.virtual_robot,
-            settings.library,
-            settings.library_hash,
-            **slot._asdict(),
-        )
 
     def _record(self, begun: Line, verdict: Verdict, rolled: Rolled, began_s: float) -> None:
         """To the ledger first, then into the bag: a line in no bag is put into one at the next start."""
@@ -268,10 +255,10 @@ class Session:
         self._panel.show(phase=f"{feedback.phase}, {100 * feedback.progress:.0f} %")
 
     def _progress(self, due: list[Slot]) -> dict[str, Any]:
-        valid = self._ledger.standing().valid
+        standing = self._ledger.standing()
         elapsed_s = time.monotonic() - self._began_s if self._began_s else 0.0
         left_s = elapsed_s / self._tried * len(due) if self._tried >= 5 else max(0.0, self._forecast_s - elapsed_s)
-        return {"done": len(valid), "successes": sum(line.outcome is Outcome.SUCCESS for line in valid), "left_s": left_s}
+        return {"done": len(standing.valid), "successes": standing.successes, "left_s": left_s}
 
     def _tell(self, line: Line) -> None:
         due = due_of(self._folder.plan, self._ledger.standing().done())

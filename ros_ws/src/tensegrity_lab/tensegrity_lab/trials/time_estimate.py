@@ -61,17 +61,15 @@ def runs_s(policy_mm: Sequence[int], speed_m_s: float) -> np.ndarray:
     return 2e-3 * np.abs(np.asarray(policy_mm, dtype=float)) / speed_m_s
 
 
-def estimate(due: Sequence[Slot], face: str, pace: Pace, limits: Limits | None = None) -> Estimate:
+def estimate(due: Sequence[Slot], face: str, pace: Pace) -> Estimate:
     """Walk through what is due, as the session would, with every trial a success.
 
     Args:
         due: the slots.
         face: where the robot is; empty: nowhere.
         pace: how long each part of a trial takes.
-        limits: of the duty; None: none.
     """
-    limits = limits or Limits()
-    left, duty = list(due), Duty()
+    left, duty, limits = list(due), Duty(), Limits()
     now_s = rest_s = 0.0
     placings, busy_s = 0, np.zeros(6)
     while left:

@@ -80,8 +80,8 @@ def command(
         stack.callback(jogger.close)
         if handshake is not None:
             require_same_pty(chosen, handshake, transport.descriptor)
-        eyes = stack.enter_context(Eyes(None if handshake is None else handshake.observer, scale))
-        walk = Walk(file, name, jogger, eyes.length_mm, screen)
+        eyes = None if handshake is None else stack.enter_context(contextlib.closing(Eyes(handshake.observer, scale)))
+        walk = Walk(file, name, jogger, (lambda strut: None) if eyes is None else eyes.length_mm, screen)
         try:
             walk.run()
         except (KeyboardInterrupt, EOFError):

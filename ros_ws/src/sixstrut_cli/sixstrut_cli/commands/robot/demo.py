@@ -39,8 +39,8 @@ def command(
     """
     announce(f"{rolls} virtual rolls, some seconds each; Ctrl-C holds the struts, closes the bag and ends")
     from tensegrity_lab.stack.virtual_stack import VirtualRobot
-    from tensegrity_lab.studies.demo import Plan, run
+    from tensegrity_lab.studies.demo import Demo
 
     pace = 1.0 if real_time else 8.0
     robot = VirtualRobot(from_face, seed, perturbation, pace, board, actuators, library, bags)
-    raise typer.Exit(run(Plan(rolls, robot, console, domain)))
+    raise typer.Exit(Demo(rolls, robot, console, domain).run())

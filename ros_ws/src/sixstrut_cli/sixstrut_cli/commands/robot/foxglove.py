@@ -52,7 +52,7 @@ def command(
         processes = None
         if virtual:
             robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
-            processes = closing.enter_context(running(robot, "foxglove", typer.echo, domain))
+            processes, _ = closing.enter_context(running(robot, "foxglove", typer.echo, domain))
         server = FoxgloveServer(port, commands, secret, tuple(origin or ()))
         closing.callback(server.close)
         typer.echo(f"Foxglove: open the connection {server.url} and the layout {layout()}   (Ctrl-C ends it)")

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import json
-import tempfile
 from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -76,10 +75,10 @@ def command(
     from tensegrity_lab.studies.travel_plot import travel_picture
 
     screen = console()
-    screen.print(robot.words)
+    screen.print(robot.describe)
     robot.compile()
-    with tempfile.TemporaryDirectory(prefix="sixstrut-travel-") as links, screen.status("starting") as status:
-        trip = travel(robot, goal_m, Path(links), status.update, reach, most_rolls, not ignore_odds, domain, screen.print)
+    with screen.status("starting") as status:
+        trip = travel(robot, goal_m, status.update, reach, most_rolls, not ignore_odds, domain, screen.print)
     picture = Path(trip.bag).with_suffix(".png")
     travel_picture(trip, picture)
     if as_json:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import time
 from pathlib import Path
 from typing import Annotated
@@ -38,7 +39,7 @@ def command(
     """
     announce(f"libraries {libraries} on {prototypes} virtual prototype(s): some minutes; Ctrl-C keeps what is finished")
     from sim_core.rolling.warm_up import Stage
-    from tensegrity_lab.studies.campaign import Asked, run
+    from tensegrity_lab.studies.campaign import CampaignRequest, run
     from tensegrity_lab.terminal.compile_notice import compile_first
     from tensegrity_lab.terminal.progress import bars
 
@@ -49,7 +50,8 @@ def command(
     words += ["--prototypes", str(prototypes), "--seed", str(seed), "--perturbation", f"{perturbation:g}", "--sample", str(sample)]
     words += ["--page"] if page else []
     target = results_page("campaign.md") if page else None
-    asked = Asked(folder, names, primitives, gaits, prototypes, seed, perturbation, sample, time_scale, target, tuple(words))
+    chosen = primitives, gaits, prototypes, seed, perturbation, sample
+    asked = CampaignRequest(folder, names, *chosen, time_scale, target, shlex.join(words))
     compile_first(Stage.BATCH, *([Stage.ROBOT] if sample else []))
     say(f"into {folder.resolve()}" + (f"; at the end {sample} trials through the whole stack" if sample else ""), err=True)
     try:

@@ -66,14 +66,16 @@ def command(
     from sim_core.dynamics.model import build_model
     from sim_core.structure.parameters import load_prototype
     from tensegrity_lab.session_data.folder import newest_session
-    from tensegrity_lab.studies import fit as running
+    from tensegrity_lab.studies import fit as fitting
+    from tensegrity_lab.studies.fit_demonstration import FitOptions, Setting
     from tensegrity_lab.studies.fit_trials import read_tries
 
     model = build_model(load_prototype(prototype))
-    asked = running.Asked(members, rounds, seed, lapse, running.prior_of(prior), weight)
+    asked = FitOptions(members, rounds, seed, lapse, fitting.prior_of(prior), weight)
     if demonstrate:
         target = results_page("learning.md") if page else output_folder("fit", output) / "learning.md"
-        typer.echo(running.demonstrated(model, asked, robots, primitives, searched, library or "improved", target))
+        setting = Setting(**vars(asked), robots=robots, primitives=primitives, searched=searched)
+        typer.echo(fitting.demonstrated(model, setting, library or "improved", target))
         wrote(target)
         return
     if page or output is not None:
@@ -81,12 +83,12 @@ def command(
     if counts_only and (ensemble is not None or odds is None):
         raise typer.BadParameter("it makes no ensemble: give --odds FILE, and not --ensemble", param_hint="--counts-only")
     tries = read_tries(options.given_or(newest_session, trials), model, library)
-    found = None if counts_only else running.fitted(model, tries, asked, odds is not None)
+    found = None if counts_only else fitting.fitted(model, tries, asked, odds is not None)
     if ensemble is not None and found is not None:
-        running.write_ensemble(in_folder(ensemble), model, tries, found)
+        fitting.write_ensemble(in_folder(ensemble), model, tries, found)
         wrote(ensemble, err=as_json)
     if odds is not None:
-        running.write_odds(in_folder(odds), model, tries, found, asked)
-    document = running.document_of(tries, found)
-    typer.echo(json.dumps(document) if as_json else running.text_of(tries, found))
+        fitting.write_probabilities(in_folder(odds), model, tries, found, asked)
+    document = fitting.document_of(tries, found)
+    typer.echo(json.dumps(document) if as_json else fitting.text_of(tries, found))
     wrote(odds, err=as_json)

@@ -34,10 +34,10 @@ def command(
     sixstrut odds bags/monday bags/tuesday --picture odds.png
     """
     announce("reading bags: some seconds for each that is large")
-    from sim_core.studies.binomial_intervals import rate_of
+    from sim_core.studies.binomial_intervals import counted
     from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in, newest
     from tensegrity_lab.reports.hypothesis_tests import calibration
-    from tensegrity_lab.reports.trial_plots import odds_picture
+    from tensegrity_lab.reports.trial_plots import calibration_picture
 
     files = bags_of(options.given_or(newest, bags))
     rolls = [one for path in files for one in foretold_in(path)]
@@ -50,24 +50,22 @@ def command(
         )
         raise typer.Exit(1)
     picture = picture or output_folder("odds") / "odds.png"
-    odds_picture([(f"{len(rolls)} rolls", told)], in_folder(picture))
+    calibration_picture([(f"{len(rolls)} rolls", told)], in_folder(picture))
     if as_json:
         document = {"rolls": [one._asdict() for one in rolls], "brier": told.brier, "expected": told.expected}
-        typer.echo(json.dumps(document | {"observed": told.observed, "bins": told.bins, "picture": str(picture)}))
+        bins = [(one.low, one.high, one.rate.trials, one.expected, one.rate.value) for one in told.bins]
+        typer.echo(json.dumps(document | {"observed": told.observed, "bins": bins, "picture": str(picture)}))
         return
-    say(f"{'foretold':>15}  {'rolls':>5}  {'mean':>6}  {'succeeded':>9}  95 % interval")
-    for low, high, count, expected, share in told.bins:
-        rate = rate_of(round(share * count), count)
-        say(
-            f"{100 * low:6.0f} … {100 * high:3.0f} %  {count:5}  {100 * expected:4.0f} %  {100 * share:7.0f} %  "
-            f"[{100 * rate.low:.0f}, {100 * rate.high:.0f}] %"
-        )
+    say(f"{'foretold':>15}  {'mean':>6}  succeeded")
+    for one in told.bins:
+        share = counted(one.rate.successes, one.rate.trials)
+        say(f"{100 * one.low:6.0f} … {100 * one.high:3.0f} %  {100 * one.expected:4.0f} %  {share}")
     say(
         f"{len(rolls)} rolls of {len(files)} bag(s): {100 * told.expected:.1f} % foretold, {100 * told.observed:.1f} % succeeded; "
         f"Brier score {told.brier:.3f} (0: perfect; 0.25: a coin)"
     )
-    for one in rolls:
-        if not one.won:
-            where = f"most rehearsals ended on {one.likely}, {100 * one.odds:.0f} % rolled"
-            say(f"{one.bag}: {one.primitive} {one.source}→{one.target} ended on {one.ended or 'no face'}; {where}")
+    for roll in rolls:
+        if not roll.won:
+            where = f"most rehearsals ended on {roll.likely}, {round(roll.members * roll.odds)} of {roll.members} rolled"
+            say(f"{roll.bag}: {roll.primitive} {roll.source}→{roll.target} ended on {roll.ended or 'no face'}; {where}")
     wrote(picture)

@@ -50,12 +50,12 @@ def command(
     sixstrut report bags/monday bags/tuesday --against bags/previous -o report
     """
     announce("reading the sessions and drawing, some seconds; the page is written at the end")
-    from tensegrity_lab.reports.trial_report import Report, summary_of
+    from tensegrity_lab.reports.trial_report import TrialReport, summary_of
     from tensegrity_lab.session_data.folder import newest_session
 
     sessions = options.given_or(newest_session, sessions)
     words = ["./sixstrut", "report", *map(str, sessions), *(word for path in against or [] for word in ("--against", str(path)))]
-    report = Report(sessions, against or [], shlex.join(words))
+    report = TrialReport(sessions, against or [], shlex.join(words))
     page = report.write(output or sessions[0] / "report")
     typer.echo(summary_of(report))
     wrote(page)

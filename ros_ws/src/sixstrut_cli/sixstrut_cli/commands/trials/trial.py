@@ -57,7 +57,8 @@ def command(
     sixstrut trial bags/monday --virtual
     """
     from sim_core.printable import NAME_MOST, printable
-    from tensegrity_lab.trials.session_start import Asked, run
+    from tensegrity_lab.trials.robot_access import Hardware
+    from tensegrity_lab.trials.session_start import TrialRequest, run
     from tensegrity_lab.trials.session_start import experimenter as login
 
     if virtual and port:
@@ -70,8 +71,6 @@ def command(
         "order_seed": order_seed,
     }
     plan |= {"order_seed": order_seed, "robot": robot, "perturbation": perturbation, "seed": seed, "actuators": actuators}
-    where = str(calibration or "")
+    hardware = Hardware(port, board, baud, str(calibration or ""), time_scale, rested, silent_board)
     who = printable(experimenter or login(), NAME_MOST) or "unknown"
-    said = (rested, silent_board, domain)
-    asked = Asked(session, plan, who, virtual, port, board, baud, where, time_scale, by_hand, plan_only, *said)
-    raise typer.Exit(run(asked))
+    raise typer.Exit(run(TrialRequest(session, plan, who, virtual, hardware, by_hand, plan_only, domain)))
