@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiles every kernel once, into numba's cache (see `dynamics.jit_cache`): `python -m sim_core.rolling.warm_up`.
 
-How compiled code is found again: its folder is named by the sources of this package; in it, numba keys a function by its file's
+How compiled code is found again: its folder is named by the sources of the kernels; in it, numba keys a function by its file's
 time of change, the types of its arguments, and the versions of numba and Python and the processor.
 """
 
@@ -50,7 +50,7 @@ Report = Callable[[str, int], None]
 
 
 def is_warm(stages: Sequence[Stage] = (Stage.ROBOT,)) -> bool:
-    """Whether `warm_up` was here with these very sources, on this processor, with these versions."""
+    """Whether `warm_up` was here with these very kernels, on this processor, with these versions."""
     return all(_mark(stage).exists() for stage in stages)
 
 

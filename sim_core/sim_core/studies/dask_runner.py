@@ -14,7 +14,7 @@ from functools import cache, partial
 from itertools import count, islice
 from typing import Any
 
-from sim_core.dynamics import jit_cache
+from sim_core.dynamics.jit_cache import PACKAGE, hash_of_sources
 from sim_core.errors import ClusterError, SimError
 from sim_core.studies.tasks import Chunk, Report, Runner, Trials, jobs_in, run_chunk, run_here, silent
 
@@ -136,4 +136,4 @@ def work_of(chunk: Chunk, sources: str) -> Trials:
 @cache
 def sources_hash() -> str:
     """Identifies all of sim_core that is here, its data included: results are the same where it is."""
-    return jit_cache.sources_hash("**/*.yaml")
+    return hash_of_sources(path for pattern in ("**/*.py", "**/*.yaml") for path in PACKAGE.glob(pattern))
