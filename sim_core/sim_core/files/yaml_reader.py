@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, NoReturn
 
 import yaml
 
-from sim_core.errors import FileError, YamlError
+from sim_core.errors import FileError, SimError, YamlError
 from sim_core.files.bounded_reader import MOST_BYTES, read_bytes, text_of
 
 MOST_NODES = 500_000
@@ -46,6 +46,16 @@ def read_yaml(path: Path | str) -> Any:
     return parse_yaml(data, str(path))
 
 
+def read_yaml_or(raised: type[SimError], path: Path | str, what: str, hint: str = "") -> Any:
+    """`read_yaml`, but an error is of the kind `raised`: it says what the file should be and, where there is none, the hint."""
+    try:
+        return read_yaml(path)
+    except OSError as error:
+        raise raised(f"cannot read {what} {path}: {error.strerror}{hint}") from error
+    except YamlError as error:
+        raise raised(str(error)) from error
+
+
 def parse_yaml(data: bytes | str, where: str) -> Any:
     """The document in bytes or text; `where` names them in errors. Raises YamlError, as `read_yaml`."""
     if isinstance(data, str):
@@ -73,6 +83,11 @@ def _events(text: str) -> Iterator[Any]:
             yield parser.get_event()
     finally:
         parser.dispose()
+
+
+def yaml_text(document: Any) -> str:
+    """The YAML of plain data, in the form of all files that are written here."""
+    return str(yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=120))
 
 
 class _Open(NamedTuple):

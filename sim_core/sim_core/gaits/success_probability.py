@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from sim_core.errors import LibraryError, YamlError
-from sim_core.files.yaml_reader import read_yaml
-from sim_core.gaits.library import Gait, Library, libraries_folder
+from sim_core.files.bounded_reader import DATA
+from sim_core.files.yaml_reader import read_yaml, yaml_text
+from sim_core.gaits.library import Gait, Library
 from sim_core.printable import printable
 from sim_core.structure.symmetry import rolls_of
 
@@ -52,7 +51,7 @@ class Odds:
 def odds_text(odds: Odds) -> str:
     """The YAML of how likely a library's gaits are."""
     head = {"schema": SCHEMA, "library_hash": odds.library_hash, "how": odds.how, "trials": odds.trials}
-    lines = [yaml.safe_dump(head, sort_keys=False, allow_unicode=True, width=120).rstrip(), "wins:"]
+    lines = [yaml_text(head) + "wins:"]
     lines += [f"  {name}: [{', '.join(map(str, wins))}]" for name, wins in odds.wins.items()]
     return "\n".join(lines) + "\n"
 
@@ -63,7 +62,7 @@ def load_odds(library: Library, path: Path | None = None) -> Odds | None:
     Raises:
         LibraryError: a given file that cannot be read, or belongs to another library.
     """
-    file = path or libraries_folder().parent / "odds" / f"{library.name}.yaml"
+    file = path or DATA / "odds" / f"{library.name}.yaml"
     try:
         document: Any = read_yaml(file)
         odds = Odds(

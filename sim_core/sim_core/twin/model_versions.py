@@ -7,14 +7,14 @@ deliberate line in `data/frozen.yaml`, and every library and recorded session ma
 
 from __future__ import annotations
 
-from importlib.resources import files
 from typing import NamedTuple
 
 import numpy as np
 
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import Robot
-from sim_core.files.yaml_reader import parse_yaml
+from sim_core.files.bounded_reader import DATA
+from sim_core.files.yaml_reader import read_yaml
 
 PROBE_M = np.array([0.012, -0.021, -0.008, 0.017, -0.026, 0.005])
 """Strokes of the probe's motion."""
@@ -37,7 +37,7 @@ class Frozen(NamedTuple):
 
 def frozen_models() -> tuple[Frozen, ...]:
     """All versions, oldest first."""
-    document = parse_yaml((files("sim_core") / "data" / "frozen.yaml").read_bytes(), "frozen.yaml")
+    document = read_yaml(DATA / "frozen.yaml")
     return tuple(Frozen(row["version"], row["model_hash"], row["motion"]) for row in document["models"])
 
 

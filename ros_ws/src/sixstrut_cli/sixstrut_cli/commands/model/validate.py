@@ -71,7 +71,7 @@ def command(
             seconds[name] = perf_counter() - began
             bar.advance(task)
     files = write_page(path, results, model.hash, model.steps_per_second)
-    failed = [name for name, case in results.items() if not case.passed]
+    failed = [name for name, case in results.items() if not case.result.passed]
     if as_json:
         typer.echo(json.dumps(_document(results, seconds, model.hash), indent=1))
     else:
@@ -87,19 +87,15 @@ def _document(results: dict[str, Case], seconds: dict[str, float], model_hash: s
     return {
         "schema": 1,
         "model_hash": model_hash,
-        "passed": all(case.passed for case in results.values()),
+        "passed": all(case.result.passed for case in results.values()),
         "cases": [
             {
                 "case": name,
                 "name": case.name,
                 "checked": case.checked,
-                "measured": case.measured,
-                "reference": case.reference,
-                "unit": case.unit,
-                "error": case.error,
-                "tolerance": case.tolerance,
-                "relative": case.relative,
-                "passed": case.passed,
+                **case.result._asdict(),
+                "error": case.result.error,
+                "passed": case.result.passed,
                 "source": case.source,
                 "note": case.note,
                 "seconds": round(seconds[name], 2),
@@ -120,6 +116,8 @@ def _print_table(results: dict[str, Case]) -> None:
     for column in ("case", "measured", "reference", "unit", "tolerance", "verdict"):
         table.add_column(column, justify="right" if column in ("measured", "reference", "tolerance") else "left", overflow="fold")
     for name, case in results.items():
-        verdict = "holds" if case.passed else "[red]FAILS[/red]"
-        table.add_row(name, number(case.measured, 5), number(case.reference, 5), case.unit, allowed(case, unit=False), verdict)
+        result = case.result
+        verdict = "holds" if result.passed else "[red]FAILS[/red]"
+        values = number(result.measured, 5), number(result.reference, 5)
+        table.add_row(name, *values, result.unit, allowed(result, unit=False), verdict)
     Console().print(table)
