@@ -19,7 +19,7 @@ from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import checked_policy
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of, rates_along
-from sim_core.studies.tasks import Chunk, Cost, Draw, Report, Runner, Trials, cost_of, run_here, silent
+from sim_core.studies.tasks import Chunk, Cost, Draw, Report, Runner, Trials, joined, run_here, silent
 from sim_core.uncertainty.distribution import Law
 
 HELD_OUT_SEED = 90_001
@@ -158,7 +158,7 @@ def odds_of(library: Library, study: Study) -> Odds:
         raise ParameterError("odds need all 24 gaits of every primitive: leave out --one-gait and --quick")
     plan = study.plan
     wins = {p.name: tuple(int(won) for won in rows.sum(axis=1)) for p, rows in zip(study.primitives, study.feasible, strict=True)}
-    return Odds(library.hash, f"{plan.law.words}; seed {plan.seed}", plan.prototypes, wins)
+    return Odds(library.hash, f"{plan.law.text}; seed {plan.seed}", plan.prototypes, wins)
 
 
 def chunk_jobs(rolls: int) -> int:
@@ -213,26 +213,23 @@ def study(
 
 def assembled(primitives: Sequence[Primitive], plan: Plan, done: Sequence[Trials]) -> Study:
     """The trials of a study's chunks, put in order."""
-    gaits, count = plan.shape
+    (gaits, count), trials = plan.shape, joined(done)
 
     def table(column: NDArray[Any]) -> NDArray[Any]:
         return np.ascontiguousarray(np.moveaxis(column.reshape(count, len(primitives), gaits), 0, -1))
 
-    def joined(name: str) -> NDArray[Any]:
-        return table(np.concatenate([getattr(trials, name) for trials in done]))
-
     said: dict[str, int] = {"": 0}
-    reason = np.array([said.setdefault(text, len(said)) for trials in done for text in trials.reason], dtype=np.int32)
+    reason = np.array([said.setdefault(text, len(said)) for text in trials.reason], dtype=np.int32)
     return Study(
         plan,
         tuple(primitives),
         tuple(gaits_of(primitive, plan.one_gait) for primitive in primitives),
-        joined("feasible"),
-        joined("margin_m"),
-        joined("clearance_m"),
-        joined("peak_force_n"),
-        joined("duration_s"),
+        table(trials.feasible),
+        table(trials.margin_m),
+        table(trials.clearance_m),
+        table(trials.peak_force_n),
+        table(trials.duration_s),
         table(reason),
         tuple(said),
-        cost_of(done),
+        trials.cost,
     )

@@ -52,7 +52,7 @@ class Posterior:
     weights: Array
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """What the members are, in one line."""
         virtual = "virtual trials" if self.provenance.get("virtual") else "trials"
         size = f"effective size {effective_size(self.weights):.1f}"
@@ -60,8 +60,8 @@ class Posterior:
 
     @property
     def brief(self) -> str:
-        """As `words`."""
-        return self.words
+        """As `text`."""
+        return self.text
 
     def drawn(self, count: int, seed: int) -> tuple[Member, ...]:
         """Members drawn by weight, equally heavy; heavy ones come several times. Raises EnsembleError: none asked for."""

@@ -141,8 +141,8 @@ def test_rehearsals_and_searches_use_a_fitted_ensemble(model, fitted):
     trials = run_chunk(Chunk(model.prototype, tuple(one.robot for one in tries), jobs))
     assert trials.feasible.shape == (8,)
     plan = SearchPlan("mine", training=(training,))
-    assert plan.words["training"] == [{"law": posterior.words, "prototypes": 8, "seed": 5}]
-    library = replace(load_library("improved"), provenance={"plan": plan.words})
+    assert plan.as_dict()["training"] == [{"law": posterior.text, "prototypes": 8, "seed": 5}]
+    library = replace(load_library("improved"), provenance={"plan": plan.as_dict()})
     assert 5 in training_seeds(library)
 
 

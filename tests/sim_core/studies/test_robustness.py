@@ -12,7 +12,7 @@ from sim_core.rolling.roll import roll
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.attribution import NOMINAL, TOGETHER, attribute
 from sim_core.studies.robustness import Plan, assembled, chunk_jobs, chunks_of, require_held_out, study, training_seeds
-from sim_core.studies.tasks import Chunk, Draw, cost_of, run_chunk, run_here
+from sim_core.studies.tasks import Chunk, Draw, run_chunk, run_here
 from sim_core.uncertainty.distribution import Law, sample
 
 
@@ -71,7 +71,7 @@ def test_a_failure_is_blamed_on_what_it_vanishes_without(model, prototype, libra
     blamed = attribute(prototype, found, limit=4)
     assert len(blamed.failures) == 4
     assert blamed.failed == (~found.feasible).sum()
-    assert cost_of([]).plus(blamed.cost).trials == 4 * (2 * 5 + 1)
+    assert blamed.cost.trials == 4 * (2 * 5 + 1)
     (p, g, k), killer = blamed.failures[0], blamed.killers()[0]
     assert not found.feasible[p, g, k]
     primitive, (source, target) = found.primitives[p], found.gaits[p][g]

@@ -39,7 +39,7 @@ def robustness_picture(study: Study, blame: Attribution | None, path: Path, titl
     axes.set_ylim(0, 105)
     axes.set_ylabel("success rate over gaits and prototypes (%)")
     axes.set_xlabel("primitive; bars: 95 % Clopper–Pearson intervals")
-    axes.set_title(study.counts.words)
+    axes.set_title(study.counts.text)
     axes.legend(loc="lower left", ncol=2)
 
     histogram = figure.add_subplot(grid[0, 1] if blame is not None else grid[:, 1])

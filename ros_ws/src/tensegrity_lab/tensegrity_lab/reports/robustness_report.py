@@ -53,7 +53,7 @@ def text_of(library: Library, study: Study, blame: Attribution | None, wall_s: f
         source, target = rolls[weakest]
         weak = f"{source}→{target} {100 * gaits[weakest].value:.0f} %"
         lines.append(f"{primitive.name:<12} {primitive.roll_class.name:<8} {shown(rate)}  {weak}")
-    lines += ["", f"primitives: {study.counts.words}", f"all trials: {shown(study.overall)} of {study.overall.trials}"]
+    lines += ["", f"primitives: {study.counts.text}", f"all trials: {shown(study.overall)} of {study.overall.trials}"]
     if blame is not None:
         lines += ["", *_blame_lines(blame, study)]
     lines += ["", cost_line(study.cost, wall_s), "", assumption_of(study), VIRTUAL]
@@ -98,7 +98,7 @@ def document_of(library: Library, study: Study, blame: Attribution | None, wall_
     return {
         "library": library.name,
         "library_hash": library.hash,
-        "law": {**vars(plan.law), "words": plan.law.words},
+        "law": {**vars(plan.law), "words": plan.law.text},
         "seed": plan.seed,
         "first": plan.first,
         "prototypes": plan.shape[1],

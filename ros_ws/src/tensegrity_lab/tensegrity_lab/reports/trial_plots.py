@@ -37,7 +37,7 @@ def figure_8(groups: Sequence[Group], path: Path) -> None:
         axes.set_xlim(-0.6, max(12, len(places)) - 0.4)
         axes.set_ylim(0, 105)
         axes.set_ylabel("success rate (%)")
-        axes.set_title(f"({'ab'[row]}) {group.label}: {group.counts.words}", loc="left", fontsize="medium")
+        axes.set_title(f"({'ab'[row]}) {group.label}: {group.counts.text}", loc="left", fontsize="medium")
     _distributions(figure.add_subplot(grid[:, 1]), groups)
     figure.savefig(path, dpi=110)
 

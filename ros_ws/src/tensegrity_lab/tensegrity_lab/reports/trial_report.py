@@ -266,7 +266,7 @@ def summary_of(report: Report) -> str:
     """The report's key numbers for a terminal."""
     lines = []
     for letter, group in zip("ab", report.groups, strict=False):
-        lines.append(f"({letter}) {group.label}: {group.counts.words}")
+        lines.append(f"({letter}) {group.label}: {group.counts.text}")
         lines.append(f"    all trials: {_spread(group.overall)}; {len(group.robots)} prototype(s)")
     if report.test is not None:
         lines.append(f"Mann–Whitney U = {report.test.u:g}, p = {p_text(report.test.p)}, effect A = {report.test.effect:.3f}")

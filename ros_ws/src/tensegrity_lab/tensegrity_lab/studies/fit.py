@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
@@ -94,7 +94,7 @@ def write_ensemble(path: Path, model: Model, tries: Tries, found: Fit) -> None:
         "successes": sum(one.won for one in tries.seen),
         "library": tries.library.name,
         "library_hash": tries.library.hash,
-        "prior": found.prior.plain,
+        "prior": asdict(found.prior),
         "fit_seed": found.seed,
         "lapse": found.lapse,
         "lapses": [round(lapse, 4) for lapse in found.lapses],
@@ -153,7 +153,7 @@ def text_of(tries: Tries, found: Fit | None) -> str:
             f"{one.label:<22} {one.mean:7.3f}  [{one.low:7.3f}, {one.high:7.3f}] {one.told:6.2f}" for one in _estimates(found)
         ]
         sizes = ", ".join(f"{size:.1f}" for size in found.effective_sizes)
-        lines += ["", f"prior: {found.prior.words}", f"{len(found.members)} members; effective size after each round: {sizes}"]
+        lines += ["", f"prior: {found.prior.text}", f"{len(found.members)} members; effective size after each round: {sizes}"]
         if found.lapses[-1] > found.lapse:
             lines.append(
                 f"Too few members foretell all trials: weighed with a lapse rate of {found.lapses[-1]:.2f}, not {found.lapse:g}, "
