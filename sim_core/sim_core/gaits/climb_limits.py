@@ -42,7 +42,7 @@ class Climbs:
         return max(LEAST_DEG, self.steepest_deg[gait.primitive.name])
 
     def on_level(self, gait: Gait) -> float:
-        """What is left, on level ground, of odds found with ideal actuators: a gait with little to spare will hardly do.
+        """What is left, on level ground, of a probability found with ideal actuators: a gait with little to spare will hardly do.
 
         A logistic curve, hand-chosen: 0.27 for one that did not roll, 0.5 at a quarter of a degree, 0.95 at one.
         """

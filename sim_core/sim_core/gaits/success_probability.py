@@ -21,7 +21,7 @@ MEANS = 9_998
 
 
 @dataclass(frozen=True)
-class Odds:
+class SuccessCounts:
     """Successes of trials, gait by gait.
 
     Attributes:
@@ -36,27 +36,27 @@ class Odds:
     trials: int
     wins: Mapping[str, tuple[int, ...]]
 
-    def of(self, gait: Gait) -> float:
-        """Probability that the gait works: mean of the Beta posterior of its counts over a uniform prior (Laplace's rule)."""
-        wins = self.wins[gait.primitive.name][rolls_of(gait.primitive.roll_class).index((gait.source, gait.target))]
-        return (wins + 1.0) / (self.trials + 2.0)
+    def probability(self, gait: Gait) -> float:
+        """That the gait works: mean of the Beta posterior of its counts over a uniform prior (Laplace's rule)."""
+        return (self._wins(gait) + 1.0) / (self.trials + 2.0)
 
     def tries(self, gait: Gait) -> tuple[int, int] | None:
         """Successes and trials of the gait; None where the file holds probabilities that were learnt, and no counts."""
-        if self.trials == MEANS:
-            return None
-        return self.wins[gait.primitive.name][rolls_of(gait.primitive.roll_class).index((gait.source, gait.target))], self.trials
+        return None if self.trials == MEANS else (self._wins(gait), self.trials)
+
+    def _wins(self, gait: Gait) -> int:
+        return self.wins[gait.primitive.name][rolls_of(gait.primitive.roll_class).index((gait.source, gait.target))]
 
 
-def odds_text(odds: Odds) -> str:
+def success_counts_text(counts: SuccessCounts) -> str:
     """The YAML of how likely a library's gaits are."""
-    head = {"schema": SCHEMA, "library_hash": odds.library_hash, "how": odds.how, "trials": odds.trials}
+    head = {"schema": SCHEMA, "library_hash": counts.library_hash, "how": counts.how, "trials": counts.trials}
     lines = [yaml_text(head) + "wins:"]
-    lines += [f"  {name}: [{', '.join(map(str, wins))}]" for name, wins in odds.wins.items()]
+    lines += [f"  {name}: [{', '.join(map(str, wins))}]" for name, wins in counts.wins.items()]
     return "\n".join(lines) + "\n"
 
 
-def load_odds(library: Library, path: Path | None = None) -> Odds | None:
+def load_success_counts(library: Library, path: Path | None = None) -> SuccessCounts | None:
     """How likely gaits are, from a file, or from the shipped one of its name; None if none is shipped, or it is another library's.
 
     Raises:
@@ -65,20 +65,20 @@ def load_odds(library: Library, path: Path | None = None) -> Odds | None:
     file = path or DATA / "odds" / f"{library.name}.yaml"
     try:
         document: Any = read_yaml(file)
-        odds = Odds(
+        counts = SuccessCounts(
             str(document["library_hash"]),
             str(document["how"]),
             int(document["trials"]),
             {str(name): tuple(int(won) for won in row) for name, row in document["wins"].items()},
         )
     except (OSError, YamlError, AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
-        if path is None:
-            return None
-        raise LibraryError(
+        problem = (
             f"cannot read success counts {file}: {printable(error, 200)}; make them with: sixstrut robustness LIBRARY --odds FILE"
-        ) from error
-    if odds.library_hash != library.hash:
-        if path is None:
-            return None
-        raise LibraryError(f"success counts {file} are of library {odds.library_hash}, not of {library.name!r} ({library.hash})")
-    return odds
+        )
+    else:
+        if counts.library_hash == library.hash:
+            return counts
+        problem = f"success counts {file} are of library {counts.library_hash}, not of {library.name!r} ({library.hash})"
+    if path is None:
+        return None
+    raise LibraryError(problem)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from sim_core.errors import SimError
 from sim_core.gaits.climb_limits import load_climbs, usual_deg
 from sim_core.gaits.library import Gait, Library
-from sim_core.gaits.success_probability import Odds
+from sim_core.gaits.success_probability import SuccessCounts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.planning.floor_planner import Floor, Stance, Way
 from sim_core.planning.travel_learning import Experience
@@ -20,10 +20,10 @@ Key = tuple[str, str, str]
 PAIRS_BOTH_WAYS = tuple((source, target) for source, targets in NEIGHBOURS.items() for target in targets)
 MOST_MISSES = 10
 """So many rolls in a row that end elsewhere are enough."""
-LEAST_ODDS, PATIENCE = 0.01, 3
+LEAST_PROBABILITY, PATIENCE = 0.01, 3
 """A roll that is believed less than this is not worth the actuators' wear, after so many in a row that ended elsewhere."""
 EVERY_GAIT_ALIKE, A_TRIFLE = 0.9, 1e-6
-"""Odds of every gait where odds are ignored, for comparison; and by how much less, each time that its primitive was tried."""
+"""Probability of every gait where all are alike, for comparison; and by how much less for each trial of its primitive."""
 
 
 class Rules(NamedTuple):
@@ -32,12 +32,12 @@ class Rules(NamedTuple):
     Attributes:
         reach_m: distance from the goal that counts as there.
         most_rolls: after which it is given up.
-        use_odds: gaits differ in reliability, and what misses here is believed less; False: they are all alike, for comparison.
+        use_probabilities: gaits differ in reliability, and what misses is believed less; False: all are alike, for comparison.
     """
 
     reach_m: float
     most_rolls: int
-    use_odds: bool = True
+    use_probabilities: bool = True
 
 
 class Step(NamedTuple):
@@ -60,7 +60,7 @@ class _Alike:
     def __init__(self, tried: Counter[str]):
         self._tried = tried
 
-    def of(self, gait: Gait) -> float:
+    def probability(self, gait: Gait) -> float:
         return EVERY_GAIT_ALIKE * (1.0 - A_TRIFLE * self._tried[gait.primitive.name])
 
 
@@ -76,9 +76,9 @@ class Journey:
         straight_m: from the goal at the beginning.
     """
 
-    def __init__(self, floor: Floor, library: Library, odds: Odds | None, goal_m: tuple[float, float], rules: Rules):
+    def __init__(self, floor: Floor, library: Library, counts: SuccessCounts | None, goal_m: tuple[float, float], rules: Rules):
         self._floor, self._library, self._goal_m, self._rules = floor, library, goal_m, rules
-        known, climbs = FaceGraph(library, odds), load_climbs(library)
+        known, climbs = FaceGraph(library, counts), load_climbs(library)
         choices = [choice for pair in PAIRS_BOTH_WAYS for choice in known.choices(*pair)]
         before = {key_of(gait): likely if climbs is None else likely * climbs.on_level(gait) for gait, likely in choices}
         self._climbs_deg = usual_deg if climbs is None else climbs.of
@@ -120,7 +120,7 @@ class Journey:
             return End(False, f"gave up {left}: {error}")
         if not way.choices:
             return End(False, f"gave up {left}: no sequence of rolls comes nearer")
-        if way.choices[0].odds < LEAST_ODDS and self._vain >= PATIENCE:
+        if way.choices[0].probability < LEAST_PROBABILITY and self._vain >= PATIENCE:
             return End(False, f"gave up {left}: after {self._vain} vain tries no roll is left that is likely to work")
         return Step(way.choices[0].gait, way)
 
@@ -137,13 +137,13 @@ class Journey:
 
     def _learn(self, step: Step, success: bool) -> None:
         self._tried[step.gait.primitive.name] += 1
-        if self._rules.use_odds:
+        if self._rules.use_probabilities:
             self._experience.add(step.gait, self._floor.heading_rad(step.way.stances[0], step.gait.target), success)
         self._vain = 0 if success else self._vain + 1
         self._graph = self._believed()
 
     def _believed(self) -> FaceGraph:
-        return FaceGraph(self._library, self._experience if self._rules.use_odds else _Alike(self._tried))
+        return FaceGraph(self._library, self._experience if self._rules.use_probabilities else _Alike(self._tried))
 
 
 def key_of(gait: Gait) -> Key:

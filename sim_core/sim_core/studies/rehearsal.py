@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rehearsal: a gait on an ensemble of perturbed robots, before the real one moves: the odds, and where it may end."""
+"""Rehearsal: a gait on an ensemble of perturbed robots, before the real one moves: will it work, and where may it end?"""
 
 from __future__ import annotations
 

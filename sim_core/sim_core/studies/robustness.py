@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from sim_core.errors import LibraryError, ParameterError
 from sim_core.gaits.library import Library, Primitive, gait_of
-from sim_core.gaits.success_probability import Odds
+from sim_core.gaits.success_probability import SuccessCounts
 from sim_core.rolling.batch import Job
 from sim_core.structure.elements import IMPROVED
 from sim_core.structure.parameters import Prototype
@@ -148,17 +148,17 @@ def gaits_of(primitive: Primitive, one_gait: bool) -> tuple[tuple[str, str], ...
     return ((reference.source, reference.target),) if one_gait else rolls_of(reference)
 
 
-def odds_of(library: Library, study: Study) -> Odds:
+def success_counts_of(library: Library, study: Study) -> SuccessCounts:
     """Every gait's successes in a study of the whole library.
 
     Raises:
         ParameterError: a study of the reference gait alone, or of some primitives only.
     """
     if study.plan.one_gait or len(study.primitives) != len(library.primitives):
-        raise ParameterError("odds need all 24 gaits of every primitive: leave out --one-gait and --quick")
+        raise ParameterError("success counts need all 24 gaits of every primitive: leave out --one-gait and --quick")
     plan = study.plan
     wins = {p.name: tuple(int(won) for won in rows.sum(axis=1)) for p, rows in zip(study.primitives, study.feasible, strict=True)}
-    return Odds(library.hash, f"{plan.law.text}; seed {plan.seed}", plan.prototypes, wins)
+    return SuccessCounts(library.hash, f"{plan.law.text}; seed {plan.seed}", plan.prototypes, wins)
 
 
 def chunk_jobs(rolls: int) -> int:

@@ -212,9 +212,9 @@ def predictive_without_own(wins: NDArray[np.bool_], weights: Array, own_log_like
     return found
 
 
-def log_score(odds: Array, observed: NDArray[np.bool_]) -> float:
+def log_score(probability: Array, observed: NDArray[np.bool_]) -> float:
     """Mean logarithm of the probability given to what happened (Good 1952), in nats: nearer to 0 is better; ln ½ is a coin's."""
-    return float(np.log(np.where(observed, odds, 1.0 - odds)).mean())
+    return float(np.log(np.where(observed, probability, 1.0 - probability)).mean())
 
 
 def beta_mean(prior: float, weight: float, wins: float, trials: float) -> float:

@@ -8,13 +8,13 @@ import pytest
 
 from sim_core.errors import LibraryError, ParameterError
 from sim_core.gaits.library import gait_of, load_library
-from sim_core.gaits.success_probability import MEANS, load_odds, odds_text
+from sim_core.gaits.success_probability import MEANS, load_success_counts, success_counts_text
 from sim_core.rolling.batch import Job, roll_many
 from sim_core.search.genetic_search import SearchPlan
 from sim_core.search.training_robots import FittedTraining
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.ensemble_fit import Roll, Seen, estimates, fit, prior_members, stood_on_target, wins_of
-from sim_core.studies.gait_posterior import learned_odds
+from sim_core.studies.gait_probability import learned_counts
 from sim_core.studies.rehearsal import Ensemble
 from sim_core.studies.robustness import training_seeds
 from sim_core.studies.tasks import Chunk, run_chunk
@@ -150,15 +150,15 @@ def test_odds_of_one_robot_are_read_by_the_planner_as_written(tmp_path):
     library = load_library("improved")
     primitive = library.primitives[0]
     source, target = rolls_of(primitive.roll_class)[3]
-    odds = learned_odds(library, lambda gait: 0.8, {(primitive.name, source, target): (0, 4)}, weight=4.0, how="here")
-    (tmp_path / "odds.yaml").write_text(odds_text(odds), encoding="utf-8")
-    read = load_odds(library, tmp_path / "odds.yaml")
-    assert read.of(gait_of(primitive, source, target)) == pytest.approx(0.4, abs=1 / MEANS)
+    counts = learned_counts(library, lambda gait: 0.8, {(primitive.name, source, target): (0, 4)}, weight=4.0, how="here")
+    (tmp_path / "odds.yaml").write_text(success_counts_text(counts), encoding="utf-8")
+    read = load_success_counts(library, tmp_path / "odds.yaml")
+    assert read.probability(gait_of(primitive, source, target)) == pytest.approx(0.4, abs=1 / MEANS)
     other = rolls_of(primitive.roll_class)[4]
-    assert read.of(gait_of(primitive, *other)) == pytest.approx(0.8, abs=1 / MEANS)
+    assert read.probability(gait_of(primitive, *other)) == pytest.approx(0.8, abs=1 / MEANS)
     assert "not trials" in read.how
     with pytest.raises(LibraryError, match="has no gait X"):
-        learned_odds(library, lambda gait: 0.8, {("X", source, target): (0, 4)})
+        learned_counts(library, lambda gait: 0.8, {("X", source, target): (0, 4)})
 
 
 def test_impossible_priors_and_counts_are_refused(model):

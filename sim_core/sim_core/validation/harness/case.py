@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import NamedTuple
 
-from numpy.typing import ArrayLike
-
+from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 
 
@@ -27,8 +27,8 @@ class Curve(NamedTuple):
     """One curve of a picture; `marks` draws points, else a line."""
 
     label: str
-    x: ArrayLike
-    y: ArrayLike
+    x: Array | Sequence[float]
+    y: Array | Sequence[float]
     marks: bool = False
 
 

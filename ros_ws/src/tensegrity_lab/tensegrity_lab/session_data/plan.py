@@ -117,15 +117,15 @@ def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph
     Args:
         gaits: what is to be tried.
         predicted: for each gait, whether the nominal model says that it is feasible.
-        graph: knows the odds.
+        graph: knows how probable gaits are to work.
         repeats: trials of each gait.
         seed: of the order.
     """
     slots = []
     for gait, feasible in zip(gaits, predicted, strict=True):
         choices = graph.choices(gait.source, gait.target)
-        known = graph.odds is not None or "success" in gait.primitive.margins
-        odds = next(choice.odds for choice in choices if choice.gait.primitive.name == gait.primitive.name)
+        known = graph.believed is not None or "success" in gait.primitive.margins
+        odds = next(choice.probability for choice in choices if choice.gait.primitive.name == gait.primitive.name)
         odds = round(odds, DIGITS) if known else math.nan
         facts = (gait.primitive.name, gait.primitive.roll_class.name, gait.source, gait.target)
         slots += [Slot(*facts, repeat, gait.proper, gait.policy, odds, feasible) for repeat in range(1, repeats + 1)]
@@ -163,7 +163,7 @@ def way_to_due(due: Sequence[Slot], face: str, graph: FaceGraph) -> tuple[str, .
             route = graph.route(face, target)
         except SimError:
             continue
-        ways.append((len(route.choices), -route.odds, route.faces))
+        ways.append((len(route.choices), -route.probability, route.faces))
     return min(ways)[2] if ways else ()
 
 

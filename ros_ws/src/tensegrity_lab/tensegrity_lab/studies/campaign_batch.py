@@ -10,7 +10,7 @@ from pathlib import Path
 
 from sim_core.dynamics.model import Model
 from sim_core.gaits.library import Library
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
@@ -57,7 +57,7 @@ def session_of(
     """
     chosen = chosen_gaits(chosen_primitives(library, primitives), gaits)
     listed = [NamedGait(gait.name, gait.source, gait.target, gait.policy) for gait in chosen]
-    plan = make_plan(chosen, verdicts(nominal, listed), FaceGraph(library, load_odds(library)), 1, seed)
+    plan = make_plan(chosen, verdicts(nominal, listed), FaceGraph(library, load_success_counts(library)), 1, seed)
     robot = f"virtual prototype, seed {seed}, ±{100 * perturbation:g} %, actuators {IDEAL}"
     folder = begin_session(path, settings_of(path, library, primitives, gaits, robot, perturbation, seed, COMPUTED), plan, library)
     jobs = [Job(0, slot.source, checked_policy(slot.policy_mm, 10_000), slot.target) for slot in plan]

@@ -10,11 +10,10 @@ from typing import Any
 from sim_core.dynamics.model import Model
 from sim_core.errors import ParameterError
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import odds_text
+from sim_core.gaits.success_probability import success_counts_text
 from sim_core.rolling.warm_up import Stage
 from sim_core.studies.ensemble_fit import LEAST, Fit, estimates, fit
-from sim_core.studies.gait_posterior import learned_odds
-from sim_core.studies.gait_prior import fitted_prior, gaits_of, roll_of, shipped_prior
+from sim_core.studies.gait_probability import fitted_prior, gaits_of, learned_counts, roll_of, shipped_prior
 from sim_core.studies.rehearsal import MEMBERS
 from sim_core.uncertainty.ensemble import Posterior, posterior_text
 from sim_core.uncertainty.robot_prior import LABELS, Prior
@@ -30,7 +29,7 @@ VIRTUAL = "These are virtual trials: the robot shares the model's equations, so 
 
 @dataclass(frozen=True)
 class Asked:
-    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_posterior.learned_odds`."""
+    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_probability.learned_counts`."""
 
     members: int
     rounds: int
@@ -119,7 +118,7 @@ def write_odds(path: Path, model: Model, tries: Tries, found: Fit | None, asked:
         def prior(gait: Any) -> float:
             return known[roll_of(gait)]
 
-    path.write_text(odds_text(learned_odds(tries.library, prior, tries.counts, asked.weight, how)), encoding="utf-8")
+    path.write_text(success_counts_text(learned_counts(tries.library, prior, tries.counts, asked.weight, how)), encoding="utf-8")
 
 
 def document_of(tries: Tries, found: Fit | None) -> dict[str, Any]:

@@ -17,8 +17,7 @@ from sim_core.search.genetic_search import Search
 from sim_core.search.library_recipes import fitted_to
 from sim_core.studies.binomial_intervals import Rate, rate_of
 from sim_core.studies.ensemble_fit import Estimate, Fit, Seen, estimates, fit, prior_members, stood_on_target, wins_of
-from sim_core.studies.gait_posterior import WEIGHT
-from sim_core.studies.gait_prior import fitted_prior, gaits_of, roll_of
+from sim_core.studies.gait_probability import WEIGHT, fitted_prior, gaits_of, roll_of
 from sim_core.studies.rehearsal import MEMBERS as DEFAULT_MEMBERS
 from sim_core.studies.rehearsal import SEED as DEFAULT_SEED
 from sim_core.studies.tasks import Report

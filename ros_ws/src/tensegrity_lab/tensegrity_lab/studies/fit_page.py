@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sim_core.studies.ensemble_fit import LEAST
-from sim_core.studies.gait_posterior import WEIGHT
+from sim_core.studies.gait_probability import WEIGHT
 from sim_core.studies.rehearsal import MEMBERS as DEFAULT_MEMBERS
 from tensegrity_lab.reports.markdown import table
 from tensegrity_lab.studies.fit_demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Case, Demonstration

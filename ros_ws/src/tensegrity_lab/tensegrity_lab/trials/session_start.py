@@ -22,7 +22,7 @@ from hardware_bridge.prototype_client.handshake import read_handshake
 from sim_core.dynamics.actuators import require_actuators
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import Library, load_library
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.parameters import load_prototype
@@ -164,7 +164,7 @@ def _planned(asked: Asked, path: Path, console: Console) -> tuple[Settings, list
     with console.status(f"predicting {len(gaits)} gaits with the nominal model"):
         listed = [NamedGait(gait.name, gait.source, gait.target, gait.policy) for gait in gaits]
         predicted = verdicts(build_model(load_prototype()), listed)
-    graph = FaceGraph(library, load_odds(library))
+    graph = FaceGraph(library, load_success_counts(library))
     plan = make_plan(gaits, predicted, graph, chosen["repeats"], chosen["order_seed"])
     settings = Settings(
         name=path.resolve().name,
@@ -275,7 +275,7 @@ class _Run:
         owns = not self._asked.port
         if self._automatic:
             library = self._folder.library
-            return Observer(FaceGraph(library, load_odds(library)), owns, panel.line)
+            return Observer(FaceGraph(library, load_success_counts(library)), owns, panel.line)
         assert keys is not None
         return Person(keys, panel, owns)
 

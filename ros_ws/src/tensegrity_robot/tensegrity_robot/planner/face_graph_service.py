@@ -41,7 +41,7 @@ def _asked(graph: Graph, request: FaceGraph.Request) -> tuple[Iterable[Choice], 
             require_face(face)
     if source and target and target not in NEIGHBOURS[source]:
         route = graph.route(source, target)
-        return route.choices, route.odds, f"route {' → '.join(route.faces)}"
+        return route.choices, route.probability, f"route {' → '.join(route.faces)}"
     rolls = [
         (a, b) for a, targets in NEIGHBOURS.items() for b in targets if (not source or a == source) and (not target or b == target)
     ]
@@ -57,6 +57,6 @@ def _message(choice: Choice) -> GaitOdds:
         primitive=gait.primitive.name,
         proper=gait.proper,
         policy_mm=list(gait.policy),
-        odds=choice.odds,
+        odds=choice.probability,
         inside_mm=float(gait.primitive.margins.get("inside_mm", math.nan)),
     )

@@ -26,7 +26,7 @@ from sim_core.errors import RollRefused, SimError
 from sim_core.gaits.library import Gait, load_library
 from sim_core.gaits.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View, known_face
 from sim_core.gaits.strut_motion import Knot, constant_speed_knots
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.names import STRUT_NAMES
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage, is_warm
@@ -125,7 +125,7 @@ class GaitPlannerNode(Node):
         self._settings = p = declare_parameters(self, PlannerParameters)
         try:
             self._library = load_library(p.library)
-            self._graph = FaceGraph(self._library, load_odds(self._library, Path(p.odds_file) if p.odds_file else None))
+            self._graph = FaceGraph(self._library, load_success_counts(self._library, Path(p.odds_file) if p.odds_file else None))
             self._prototype = load_prototype(p.prototype_file or None)
         except SimError as error:
             raise StartError(str(error)) from error

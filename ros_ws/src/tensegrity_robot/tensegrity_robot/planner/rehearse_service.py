@@ -67,7 +67,7 @@ def serve_rehearse(
 
 
 def _best(graph: FaceGraph, source: str, target: str) -> float:
-    return max((choice.odds for choice in graph.choices(source, target)[:1]), default=0.0)
+    return max((choice.probability for choice in graph.choices(source, target)[:1]), default=0.0)
 
 
 async def _awaited(running: concurrent.futures.Future[Rehearsing]) -> Rehearsing:

@@ -29,7 +29,7 @@ from std_msgs.msg import Header
 from sim_core.dynamics.model import build_model
 from sim_core.errors import SimError
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.floor_planner import REACH_M, Floor, Stance
 from sim_core.planning.travel import End as JourneyEnd
 from sim_core.planning.travel import Journey, Rules, Step
@@ -95,7 +95,7 @@ class TravellerNode(Node):
         self._settings = p = declare_parameters(self, TravellerParameters)
         try:
             self._library = load_library(p.library)
-            self._odds = load_odds(self._library, Path(p.odds_file) if p.odds_file else None)
+            self._counts = load_success_counts(self._library, Path(p.odds_file) if p.odds_file else None)
             prototype = load_prototype(p.prototype_file or None)
         except SimError as error:
             raise StartError(str(error)) from error
@@ -246,7 +246,7 @@ class TravellerNode(Node):
         request, p = handle.request, self._settings
         rules = Rules(request.reach_m or p.reach_m, int(request.most_rolls) or p.most_rolls, p.use_odds)
         place = request.goal.pose.position
-        journey = Journey(self._floor, self._library, self._odds, (place.x, place.y), rules)
+        journey = Journey(self._floor, self._library, self._counts, (place.x, place.y), rules)
         self._travel = travel = _Travel(handle, journey)
         self._goal.publish(request.goal)
         self.get_logger().info(f"travel to {place.x:.2f}, {place.y:.2f} m")
@@ -395,7 +395,7 @@ class TravellerNode(Node):
                 left_m=math.hypot(goal.x - center[0], goal.y - center[1]),
                 rolls=travel.journey.rolls,
                 rolls_left=len(step.way.choices) if step is not None else 0,
-                odds=step.way.odds if step is not None else math.nan,
+                odds=step.way.probability if step is not None else math.nan,
                 target_face=step.gait.target if step is not None and travel.roll is not None else "",
             )
         )
