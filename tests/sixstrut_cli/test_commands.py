@@ -137,7 +137,7 @@ def test_a_robustness_study_writes_json_tables_and_picture(tmp_path):
 
 
 def test_commands_accept_the_perturbations_that_the_model_does():
-    from sim_core.uncertainty.seeded_perturbation import MAX_SCALE
+    from sim_core.uncertainty.distribution import MAX_SCALE
     from sixstrut_cli.options import MOST_PERTURBATION
 
     assert MOST_PERTURBATION == MAX_SCALE

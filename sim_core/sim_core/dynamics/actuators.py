@@ -25,14 +25,14 @@ import hashlib
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim_core.errors import ParameterError
 from sim_core.structure.arrays import Array
-from sim_core.structure.parameter_file import Entry, ParameterFile, spec, specs_of
+from sim_core.structure.parameter_file import ParameterFile, spec, specs_of
 from sim_core.structure.parameters import Prototype
 
 IDEAL, STAND_IN = "ideal", "stand-in"
@@ -188,7 +188,11 @@ def load_actuators(path: Path | str | None = None) -> ActuatorParameters:
     Raises:
         ParameterError: naming file, parameter, what was got and what is valid.
     """
-    return _made(FILE.load(path), str(path))
+    parameters = ActuatorParameters(**{entry.name: entry.value for entry in FILE.load(path)})
+    if parameters.stall_current_a < parameters.no_load_current_a:
+        given = f"stall_current_a is {parameters.stall_current_a}"
+        raise ParameterError(f"{path}: {given}; valid is no_load_current_a or more")
+    return parameters
 
 
 def require_actuators(which: str) -> ActuatorParameters | None:
@@ -200,15 +204,3 @@ def require_actuators(which: str) -> ActuatorParameters | None:
     if which == IDEAL:
         return None
     return load_actuators(None if which == STAND_IN else which)
-
-
-def parse_actuators(document: Any, file: str) -> ActuatorParameters:
-    """The actuators of a parsed YAML; `file` names it in errors. Raises ParameterError."""
-    return _made(FILE.parse(document, file), file)
-
-
-def _made(entries: tuple[Entry, ...], file: str) -> ActuatorParameters:
-    parameters = ActuatorParameters(**{entry.name: entry.value for entry in entries})
-    if parameters.stall_current_a < parameters.no_load_current_a:
-        raise ParameterError(f"{file}: stall_current_a is {parameters.stall_current_a}; valid is no_load_current_a or more")
-    return parameters

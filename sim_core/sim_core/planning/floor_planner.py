@@ -130,15 +130,8 @@ class Floor:
     ) -> Way:
         """The likeliest rolls to within `reach_m` of a goal (A* over stances, by −log of their probability and length).
 
-        If no stance is that near within MOST_STANCES looked at, the way to the nearest one.
-
-        Args:
-            start: where the robot stands.
-            goal_m: (x, y) on the floor, in [m].
-            graph: the gaits' graph of faces.
-            reach_m: how near is there, in [m].
-            lean: of the ground; see Lean.
-            climbs_deg: how steep a gait climbs; uphill, one that climbs steeper is preferred.
+        If none of MOST_STANCES looked at is that near, the way to the nearest one. On ground that leans, a gait that climbs steeper
+        (`climbs_deg`) is preferred uphill.
 
         Raises:
             LibraryError: the library has no gait from there.

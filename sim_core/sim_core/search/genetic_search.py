@@ -129,7 +129,7 @@ class Search:
     """
 
     def __init__(self, prototype: Prototype, plan: SearchPlan, runner: Runner = run_here, state: Mapping[str, Any] | None = None):
-        """Args: state: what an earlier one's `state` gave. Raises ParameterError if that belongs to another search."""
+        """From the beginning, or from what an earlier one's `state` gave. Raises ParameterError: that belongs to another search."""
         self.prototype, self.plan, self._run = prototype, plan, runner
         self._identity = {"plan": json.loads(json.dumps(plan.as_dict())), "model_hash": build_model(prototype, kind=plan.kind).hash}
         self._classes = {name: CLASSES[name] for name in plan.classes}
@@ -313,14 +313,7 @@ def search(
     report: Callable[[Search], None] = lambda _: None,
     state: Mapping[str, Any] | None = None,
 ) -> Library:
-    """Search from the beginning, or from a state, to the end.
-
-    Args:
-        prototype: the nominal prototype.
-        plan: what is searched, and for how long.
-        runner: runs the chunks: here, or on a cluster.
-        report: called with the search after every generation, e.g. to keep its `state`.
-        state: of an earlier search; None: from the beginning.
+    """Search from the beginning, or from an earlier search's state, to the end; `report` gets the search after every generation.
 
     Raises:
         ParameterError: a state of another search.

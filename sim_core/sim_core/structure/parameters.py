@@ -112,11 +112,7 @@ def with_value(prototype: Prototype, name: str, value: Any) -> Prototype:
 
 
 def rewritten(text: str, changes: Mapping[str, tuple[Any, str, str]]) -> str:
-    """The text of a prototype YAML with some rows replaced; everything else, comments included, stays.
-
-    Args:
-        text: of the YAML.
-        changes: parameter -> (value, source, note).
+    """The text of a prototype YAML with some rows replaced, parameter -> (value, source, note); all else, comments too, stays.
 
     Raises:
         ParameterError: a parameter or source that does not exist, or a value that is not valid.

@@ -101,13 +101,7 @@ def attribute(
 ) -> Attribution:
     """Try failed trials again, without each of the law's uncertainties and with each alone.
 
-    Args:
-        prototype: the nominal prototype.
-        study: the trials, with their failures.
-        limit: at most so many failures, drawn from all with the study's seed.
-        runner: runs the chunks: here, or on a cluster.
-        report: called with (done, total).
-        kind: IMPROVED or PREVIOUS.
+    At most `limit` of all failures, drawn with the study's seed. `report` gets (rolls done, rolls in all).
     """
     failed = np.argwhere(~study.feasible)
     chosen = failed

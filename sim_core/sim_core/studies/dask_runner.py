@@ -71,13 +71,7 @@ def connected(scheduler: str) -> Iterator[Any]:
 def run_on(
     client: Any, chunks: Sequence[Chunk], report: Report = silent, work: Callable[[Chunk, str], Trials] | None = None
 ) -> list[Trials]:
-    """Run chunks on a cluster; their trials in order.
-
-    Args:
-        client: a `distributed.Client`.
-        chunks: the work.
-        report: called with (done, total).
-        work: what a worker does; default `work_of`.
+    """Run chunks on a cluster by a `distributed.Client`; their trials in order. `work`: what a worker does, default `work_of`.
 
     Raises:
         ClusterError: a chunk that fails (naming why), or that is lost again and again.

@@ -70,11 +70,7 @@ def wins_of(
 ) -> NDArray[np.bool_]:
     """What each member does in each trial, (members, trials).
 
-    Args:
-        nominal: model of the nominal prototype.
-        members: what the robots are.
-        rolls: what is tried, and whether the direction is known. Where it is not, each trial of each member has one of its own.
-        report: called with (done, total).
+    `rolls`: what is tried, and whether the robot's direction is known; else each trial of each member has one of its own.
 
     Raises:
         ModelError: a member that cannot be built.

@@ -55,13 +55,7 @@ def fitted_prior(
 ) -> Mapping[Roll, float]:
     """Probabilities by a fitted ensemble; of a tried gait, by all trials but its own, which then count once, by themselves.
 
-    Args:
-        model: the robot's model.
-        found: the fitted ensemble.
-        seen: trials with their outcomes.
-        gaits: whose probabilities are wanted.
-        count: members that roll every gait, drawn by weight.
-        report: called with (done, total).
+    `count` members roll every gait, drawn by weight.
     """
     placed = all(one.placed for one in seen)
     drawn = systematic(found.weights, count, np.random.default_rng([found.seed, PREDICT_STREAM]))
@@ -86,14 +80,7 @@ def _tried(found: Fit, seen: Sequence[Seen]) -> dict[Roll, float]:
 def learned_counts(
     library: Library, prior: Callable[[Gait], float], tried: Tried, weight: float = WEIGHT, how: str = ""
 ) -> SuccessCounts:
-    """What the planner takes for a gait's counts: the mean of each gait's Beta posterior.
-
-    Args:
-        library: the gait library.
-        prior: probability of each gait before its trials.
-        tried: successes and trials of each tried gait.
-        weight: its pseudo-trials.
-        how: where prior and trials come from.
+    """What the planner takes for a gait's counts: the mean of each gait's Beta posterior, its prior worth `weight` trials.
 
     Raises:
         LibraryError: a tried gait is not the library's.

@@ -67,10 +67,7 @@ def compare(predicted: Sequence[bool], succeeded: Sequence[bool]) -> Agreement:
 def load_gaits(path: Path | str, limit_mm: int, every_gait: bool = False) -> tuple[NamedGait, ...]:
     """Read gaits: a file of `gaits: [{name, from, to, policy_mm}]`, or a primitive library.
 
-    Args:
-        path: of the file.
-        limit_mm: largest stroke, in [mm].
-        every_gait: of a library, all 24 gaits of each primitive; default: the reference pair's.
+    Of a library the reference pair's gaits, or all 24 of each primitive with `every_gait`.
 
     Raises:
         LibraryError: cannot be read; names the row, what was got and what is valid.

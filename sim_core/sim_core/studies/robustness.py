@@ -171,12 +171,7 @@ def chunks_of(
 ) -> list[Chunk]:
     """The study's work: every chunk some prototypes with all their rolls, prototype by prototype, primitive by primitive.
 
-    Args:
-        prototype: the nominal prototype.
-        primitives: what is tried.
-        plan: the robots and the design of the study.
-        kind: IMPROVED or PREVIOUS.
-        size: rolls of a chunk; default: see `chunk_jobs`.
+    `size`: rolls of a chunk; default: see `chunk_jobs`.
     """
     rolls = []
     for primitive in primitives:

@@ -5,7 +5,7 @@ Every uncertainty is a group of members (48 ropes, six struts, …), each off by
 Members may share a part of their error (ropes of one batch) and the designs of `sampling` may be low-discrepancy. An error belongs
 to (seed, prototype, member): switching a group off leaves all other errors as they are.
 
-`seeded_perturbation.perturb` is the older law of one prototype by seed, for the virtual prototype; the two share no draws.
+`perturb` is an older draw, of one prototype by its seed, for the virtual prototype; the two share no draws.
 """
 
 from __future__ import annotations
@@ -24,7 +24,6 @@ from sim_core.structure.elements import PREVIOUS, Elements
 from sim_core.structure.rotations import rotated
 from sim_core.structure.topology import JOINTS, POINTS_PER_JOINT
 from sim_core.uncertainty.sampling import DESIGNS, INDEPENDENT, correlated, unit_rows
-from sim_core.uncertainty.seeded_perturbation import MAX_SCALE
 
 
 def _factor(name: str) -> Callable[[Elements, Array], Elements]:
@@ -116,6 +115,8 @@ GROUPS: dict[str, Group] = {
 """Every uncertainty, all uniform. The order is that of the draws: append, never insert."""
 JUDGED = ("stiffness", "rest_length", "mass", "stroke", "friction")
 """The agreed law of judgement."""
+MAX_SCALE = 0.3
+"""Beyond it some prototypes would need a smaller time step, or have slack ropes."""
 MAX_INCLINE_DEG = 20.0
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 INCLINE_STREAM = 25
@@ -265,3 +266,22 @@ def sample(model: Model, law: Law, count: int, seed: int) -> list[Model]:
         ModelError: a prototype that cannot be built, e.g. because its time step would be unstable.
     """
     return sample_at(model, law, seed, range(count))
+
+
+def perturb(model: Model, scale: float, seed: int) -> Model:
+    """A copy of the model with every member of the judged groups off by its own random error; scale 0.1 is ±10 %.
+
+    Same seed and model, same prototype; scale 0 is the model itself.
+
+    Raises:
+        ParameterError: a scale outside [0, MAX_SCALE], or a negative seed.
+    """
+    Law(scale)  # raises
+    if seed < 0:
+        raise ParameterError(f"perturbation seed {seed!r}: valid is a whole number of 0 or more")
+    if scale == 0.0:
+        return model
+    rng, elements = np.random.default_rng(seed), model.elements
+    for group in (GROUPS[name] for name in JUDGED):
+        elements = group.apply(elements, group.width * scale * rng.uniform(-1.0, 1.0, group.members(elements)))
+    return build_model(model.prototype, elements)

@@ -135,5 +135,4 @@ def member_model(nominal: Model, member: Member) -> Model:
 
 def headings(seed: int, number: int, count: int) -> Array:
     """Directions (rad) in which robot `number` stood at each of `count` trials, if nobody knows: uniform, (count,)."""
-    found: Array = np.random.default_rng([seed, number, HEADING_STREAM]).uniform(0.0, 2.0 * math.pi, count)
-    return found
+    return np.asarray(np.random.default_rng([seed, number, HEADING_STREAM]).uniform(0.0, 2.0 * math.pi, count))

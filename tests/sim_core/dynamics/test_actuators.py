@@ -20,7 +20,6 @@ from sim_core.dynamics.actuators import (
     at_rest,
     lengths_m,
     load_actuators,
-    parse_actuators,
     require_actuators,
     step,
 )
@@ -188,8 +187,10 @@ def test_names_choose_actuators(tmp_path):
         ({"no_load_current_a": {"value": 9.0, "unit": "A", "source": "measured"}}, "valid is no_load_current_a or more"),
     ],
 )
-def test_an_impossible_file_is_refused_with_what_is_valid(change, problem):
+def test_an_impossible_file_is_refused_with_what_is_valid(tmp_path, change, problem):
+    mine = tmp_path / "mine.yaml"
+    mine.write_text(yaml.safe_dump(document() | change), encoding="utf-8")
     with pytest.raises(ParameterError, match=problem) as caught:
-        parse_actuators(document() | change, "mine.yaml")
-    assert str(caught.value).startswith("mine.yaml")
+        load_actuators(mine)
+    assert str(caught.value).startswith(str(mine))
     assert "\n" not in str(caught.value)

@@ -15,7 +15,7 @@ import typer
 from hardware_bridge.boards.names import SERVO_BOARD
 
 MOST_PERTURBATION = 0.3
-"""`sim_core.uncertainty.seeded_perturbation.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
+"""`sim_core.uncertainty.distribution.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
 
 MOST_INCLINE_DEG = 20.0
 """`sim_core.uncertainty.distribution.MAX_INCLINE_DEG`, by value as well."""

@@ -26,11 +26,7 @@ SLOWER = 4.0
 def lumped_bar_1_s(section: Section, count: int, stiffness: float, inertia: float) -> float:
     """First angular frequency of a free chain of `count` springs with half a mass at either end: 2n √(k/m) sin(π/2n).
 
-    Args:
-        section: of the beam.
-        count: elements of the chain.
-        stiffness: EA or GJ.
-        inertia: whole mass, or whole inertia about the axis.
+    `stiffness` and `inertia`: EA and the whole mass, or GJ and the whole inertia about the axis.
     """
     return float(2.0 * count * np.sqrt(stiffness / (inertia * section.length_m)) * np.sin(0.5 * np.pi / count))
 

@@ -28,10 +28,7 @@ ENERGY_S = 10.0
 def tumbling(prototype: Prototype, shake_m_s: float = 0.02, own_spin_rad_s: float = 0.0) -> Run:
     """The robot, floating free: it drifts, tumbles and shakes, and no two principal inertias of its particles are equal.
 
-    Args:
-        prototype: the nominal prototype.
-        shake_m_s: largest random velocity of a particle, in [m/s].
-        own_spin_rad_s: every particle spins by itself as fast as that, so that struts bend and twist, out of one plane.
+    Every particle gets a random velocity, and spins by itself, up to the given ones: so struts bend and twist, out of one plane.
     """
     free = replace(
         prototype,

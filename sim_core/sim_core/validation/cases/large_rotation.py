@@ -106,7 +106,7 @@ def elastica(load: float) -> tuple[float, float]:
     """Tip (x, y) / L of an inextensible cantilever under a dead load P L²/EI at its tip, across the unbent beam.
 
     Bisshopp and Drucker, Quarterly of Applied Mathematics 3 (1945) 272: with 2k² = 1 + sin φ₀, sin φ₁ = 1/(k√2) and α² = P L²/EI,
-    α = K(k) − F(k, φ₁), y/L = 1 − 2 (E(k) − E(k, φ₁))/α, x/L = √(2 sin φ₀)/α. The modulus is found by bisection.
+    α = K(k) − F(k, φ₁), y/L = 1 − 2 (E(k) − E(k, φ₁))/α, x/L = √(2 sin φ₀)/α.
     """
 
     def integrals(k: float) -> tuple[float, float]:

@@ -8,20 +8,18 @@ from dataclasses import replace
 import numpy as np
 
 from sim_core.dynamics import vfife as k
-from sim_core.dynamics.model import Model, build_model
+from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.simd import WIDTH
 from sim_core.dynamics.vibration_modes import REFERENCE_FACE, first_frequency_hz, resting_modes, vibrated_frequency_hz
-from sim_core.errors import LibraryError
 from sim_core.gaits.library import load_library
 from sim_core.rolling.batch import aligned_rows
-from sim_core.structure.arrays import Array
 from sim_core.structure.elements import elements_of
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import lengths_of
 from sim_core.structure.symmetry import GROUP, REFERENCE_TC, REFERENCE_TO
 from sim_core.structure.topology import FACES, JOINTS
-from sim_core.uncertainty.seeded_perturbation import perturb
+from sim_core.uncertainty.distribution import perturb
 from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 from sim_core.validation.harness.run import ready
 
@@ -105,31 +103,18 @@ def elements_per_strut(setting: Setting) -> Case:
     )
 
 
-def _reference_policy() -> tuple[int, ...]:
-    """A policy that rolls the reference pair, from the shipped library; a plain one without it."""
-    try:
-        return load_library("robust").gaits(REFERENCE_TC, REFERENCE_TO)[0].policy
-    except LibraryError:
-        return (-40, 30, -20, 10, 40, -30)
-
-
-def _body_axes(source: str, model: Model) -> Array:
-    """The rotation that puts this face down in `Robot.placed_on`."""
-    robot = Robot.placed_on(model, source)
-    return robot.body_pose()[1]
-
-
 def equivariance(setting: Setting) -> Case:
     """All 24 gaits of one primitive, rolled side by side until the first one tips."""
-    model, policy = build_model(setting.prototype), _reference_policy()
+    model = build_model(setting.prototype)
+    policy = load_library("robust").gaits(REFERENCE_TC, REFERENCE_TO)[0].policy
     robots, carry = [], []
-    home = _body_axes(REFERENCE_TC, model)
+    home = Robot.placed_on(model, REFERENCE_TC).body_pose()[1]
     for g in GROUP:
         source = g.face(REFERENCE_TC)
         robot = Robot.resting_on(model, source)
         robot.set_targets(lengths_of(model.prototype, g.relabel(policy)))
         robots.append(robot)
-        carry.append(_body_axes(source, model) @ g.matrix @ home.T)
+        carry.append(Robot.placed_on(model, source).body_pose()[1] @ g.matrix @ home.T)
     reference, chunk = robots[0], round(LOOK_S / model.dt_s)
     times, worst, apart = [], [], 0.0
     while reference.footing().face == REFERENCE_TC and reference.step * model.dt_s < 10.0:

@@ -5,9 +5,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from sim_core.structure.arrays import Array
+from numpy.typing import NDArray
+
 from sim_core.structure.parameters import Prototype
 
 
@@ -27,8 +28,8 @@ class Curve(NamedTuple):
     """One curve of a picture; `marks` draws points, else a line."""
 
     label: str
-    x: Array | Sequence[float]
-    y: Array | Sequence[float]
+    x: NDArray[Any] | Sequence[float]
+    y: NDArray[Any] | Sequence[float]
     marks: bool = False
 
 

@@ -111,11 +111,7 @@ def held(elements: Elements, particles: Sequence[int], *, turning: bool = False)
 def bodies(prototype: Prototype, mass_kg: Array, inertia_kg_m2: Array, contact_point_m: Array) -> Elements:
     """Twelve separate rigid bodies in a row along y, 1 m apart, on the prototype's ground; no struts or ropes to speak of.
 
-    Args:
-        prototype: the nominal prototype.
-        mass_kg: (12,).
-        inertia_kg_m2: (12, 3).
-        contact_point_m: (5, 3), alike for all.
+    Masses (12,), inertias (12, 3), and contact points (5, 3), alike for all.
     """
     base = elements_of(replace(prototype, strut_elements=1))
     position = np.zeros((13, 3))

@@ -18,7 +18,7 @@ from sim_core.structure.policy import checked_policy
 from sim_core.studies.ensemble_fit import stood_on_target
 from sim_core.studies.model_agreement import NamedGait, verdicts
 from sim_core.studies.tasks import Report, silent
-from sim_core.uncertainty.seeded_perturbation import perturb
+from sim_core.uncertainty.distribution import perturb
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.folder import SessionFolder, Settings, begin_session
 from tensegrity_lab.session_data.ledger import Ledger

@@ -19,7 +19,7 @@ from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from sim_core.structure.symmetry import GROUP, carrier
-from sim_core.uncertainty.seeded_perturbation import LAW
+from sim_core.uncertainty.distribution import Law
 from tensegrity_lab.bags.replay import replay
 from tensegrity_lab.reports.figure import session_picture
 from tensegrity_lab.stack.processes import Stack, Uninterrupted
@@ -178,7 +178,7 @@ class _Demo:
                 show(f"warning: {name} ended with exit code {code} (log: {log_folder / name}.log)")
         kind = f"{self.done} of {plan.rolls} rolls succeeded in {self.tries} tries, {self.mirrors} of them by mirrored gaits"
         show("stopped by you: struts held, bag closed" if stopped else kind)
-        show(f"perturbation: scale {plan.robot.perturbation:g}, seed {plan.robot.seed}; {LAW}")
+        show(f"perturbation: seed {plan.robot.seed}; {Law(plan.robot.perturbation).text}")
         if self.bag is None or not self.bag.exists():
             show("no bag was recorded" if self.bag is None else f"the bag {self.bag} is missing")
             return
