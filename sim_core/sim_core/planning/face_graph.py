@@ -63,11 +63,14 @@ class FaceGraph:
             for target in targets
         }
 
+    def probability(self, gait: Gait) -> float:
+        """That the gait works."""
+        if self.believed is not None:
+            return self.believed.probability(gait)
+        return float(gait.primitive.margins.get("success", UNTRIED))
+
     def _ranked(self, gaits: tuple[Gait, ...]) -> tuple[Choice, ...]:
-        if self.believed is None:
-            choices = [Choice(gait, float(gait.primitive.margins.get("success", UNTRIED))) for gait in gaits]
-        else:
-            choices = [Choice(gait, self.believed.probability(gait)) for gait in gaits]
+        choices = [Choice(gait, self.probability(gait)) for gait in gaits]
         return tuple(sorted(choices, key=lambda choice: -choice.probability))  # stable: of equals, the library's order
 
     def choices(self, source: str, target: str) -> tuple[Choice, ...]:

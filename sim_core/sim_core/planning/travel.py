@@ -13,11 +13,7 @@ from sim_core.gaits.success_probability import SuccessCounts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.planning.floor_planner import Floor, Stance, Way
 from sim_core.planning.travel_learning import Experience
-from sim_core.structure.topology import NEIGHBOURS
 
-Key = tuple[str, str, str]
-"""Primitive, source, target."""
-PAIRS_BOTH_WAYS = tuple((source, target) for source, targets in NEIGHBOURS.items() for target in targets)
 MOST_MISSES = 10
 """So many rolls in a row that end elsewhere are enough."""
 LEAST_PROBABILITY, PATIENCE = 0.01, 3
@@ -79,10 +75,12 @@ class Journey:
     def __init__(self, floor: Floor, library: Library, counts: SuccessCounts | None, goal_m: tuple[float, float], rules: Rules):
         self._floor, self._library, self._goal_m, self._rules = floor, library, goal_m, rules
         known, climbs = FaceGraph(library, counts), load_climbs(library)
-        choices = [choice for pair in PAIRS_BOTH_WAYS for choice in known.choices(*pair)]
-        before = {key_of(gait): likely if climbs is None else likely * climbs.on_level(gait) for gait, likely in choices}
+
+        def before(gait: Gait) -> float:
+            return known.probability(gait) * (1.0 if climbs is None else climbs.on_level(gait))
+
         self._climbs_deg = usual_deg if climbs is None else climbs.of
-        self._experience = Experience(lambda gait: before[key_of(gait)], self._climbs_deg)
+        self._experience = Experience(before, self._climbs_deg)
         self._tried: Counter[str] = Counter()
         self._graph = self._believed()
         self._vain = 0
@@ -144,8 +142,3 @@ class Journey:
 
     def _believed(self) -> FaceGraph:
         return FaceGraph(self._library, self._experience if self._rules.use_probabilities else _Alike(self._tried))
-
-
-def key_of(gait: Gait) -> Key:
-    """A gait's name in tables."""
-    return gait.primitive.name, gait.source, gait.target

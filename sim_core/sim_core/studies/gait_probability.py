@@ -41,13 +41,7 @@ def roll_of(gait: Gait) -> Roll:
 
 def shipped_prior(library: Library) -> Callable[[Gait], float]:
     """Probabilities before any trial: the shipped ones of the library, else a primitive's success in training."""
-    graph = FaceGraph(library, load_success_counts(library))
-    known = {
-        (choice.gait.primitive.name, choice.gait.source, choice.gait.target): choice.probability
-        for source, target in dict.fromkeys(roll for p in library.primitives for roll in rolls_of(p.roll_class))
-        for choice in graph.choices(source, target)
-    }
-    return lambda gait: known[gait.primitive.name, gait.source, gait.target]
+    return FaceGraph(library, load_success_counts(library)).probability
 
 
 def fitted_prior(

@@ -123,10 +123,8 @@ def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph
     """
     slots = []
     for gait, feasible in zip(gaits, predicted, strict=True):
-        choices = graph.choices(gait.source, gait.target)
         known = graph.believed is not None or "success" in gait.primitive.margins
-        odds = next(choice.probability for choice in choices if choice.gait.primitive.name == gait.primitive.name)
-        odds = round(odds, DIGITS) if known else math.nan
+        odds = round(graph.probability(gait), DIGITS) if known else math.nan
         facts = (gait.primitive.name, gait.primitive.roll_class.name, gait.source, gait.target)
         slots += [Slot(*facts, repeat, gait.proper, gait.policy, odds, feasible) for repeat in range(1, repeats + 1)]
     random.Random(seed).shuffle(slots)
