@@ -27,7 +27,7 @@ class Kind(NamedTuple):
 KINDS = (
     Kind(
         "prototype",
-        "sim_core.structure.parameters",
+        "sim_core.structure.parameter_file",
         True,
         "YAML",
         "every number of a robot, with unit and source",
@@ -37,7 +37,7 @@ KINDS = (
     ),
     Kind(
         "actuators",
-        "sim_core.dynamics.actuators",
+        "sim_core.structure.parameter_file",
         True,
         "YAML",
         "how the servo actuators behave under load",
