@@ -22,7 +22,7 @@ EVERY_GAIT_ALIKE, A_TRIFLE = 0.9, 1e-6
 """Probability of every gait where all are alike, for comparison; and by how much less for each trial of its primitive."""
 
 
-class Rules(NamedTuple):
+class TravelRules(NamedTuple):
     """When a travel ends.
 
     Attributes:
@@ -43,7 +43,7 @@ class Step(NamedTuple):
     way: Way
 
 
-class End(NamedTuple):
+class JourneyEnd(NamedTuple):
     """The travel is over; `reason`: for people."""
 
     success: bool
@@ -72,7 +72,9 @@ class Journey:
         straight_m: from the goal at the beginning.
     """
 
-    def __init__(self, floor: Floor, library: Library, counts: SuccessCounts | None, goal_m: tuple[float, float], rules: Rules):
+    def __init__(
+        self, floor: Floor, library: Library, counts: SuccessCounts | None, goal_m: tuple[float, float], rules: TravelRules
+    ):
         self._floor, self._library, self._goal_m, self._rules = floor, library, goal_m, rules
         known, climbs = FaceGraph(library, counts), load_climbs(library)
 
@@ -95,7 +97,7 @@ class Journey:
         """Distance from the goal, where the robot was seen last."""
         return self._stance.distance_m(self._goal_m) if self._stance is not None else 0.0
 
-    def look(self, stance: Stance) -> Step | End:
+    def look(self, stance: Stance) -> Step | JourneyEnd:
         """What to do from where the robot rests now."""
         if self._stance is None:
             self.straight_m = stance.distance_m(self._goal_m)
@@ -106,20 +108,22 @@ class Journey:
             self.faces.append(stance.face)
         left = f"{100 * self.left_m:.0f} cm from the goal"
         if self.left_m <= self._rules.reach_m:
-            return End(True, f"rests on {stance.face}, {left}")
+            return JourneyEnd(True, f"rests on {stance.face}, {left}")
         if self.rolls + self.refused >= self._rules.most_rolls:
-            return End(False, f"gave up after {self.rolls} rolls, {left}: the most that was asked for (most_rolls)")
+            return JourneyEnd(False, f"gave up after {self.rolls} rolls, {left}: the most that was asked for (most_rolls)")
         if self._vain >= MOST_MISSES:
-            return End(False, f"gave up {left}: the last {self._vain} rolls missed their face or were refused as too unlikely")
+            return JourneyEnd(
+                False, f"gave up {left}: the last {self._vain} rolls missed their face or were refused as too unlikely"
+            )
         try:
             lean = self._experience.lean
             way = self._floor.way(stance, self._goal_m, self._graph, self._rules.reach_m, lean, self._climbs_deg)
         except SimError as error:
-            return End(False, f"gave up {left}: {error}")
+            return JourneyEnd(False, f"gave up {left}: {error}")
         if not way.choices:
-            return End(False, f"gave up {left}: no sequence of rolls comes nearer")
+            return JourneyEnd(False, f"gave up {left}: no sequence of rolls comes nearer")
         if way.choices[0].probability < LEAST_PROBABILITY and self._vain >= PATIENCE:
-            return End(False, f"gave up {left}: after {self._vain} vain tries no roll is left that is likely to work")
+            return JourneyEnd(False, f"gave up {left}: after {self._vain} vain tries no roll is left that is likely to work")
         return Step(way.choices[0].gait, way)
 
     def rolled(self, step: Step, success: bool) -> None:

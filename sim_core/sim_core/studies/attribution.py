@@ -20,7 +20,7 @@ from sim_core.rolling.batch import Job
 from sim_core.structure.elements import IMPROVED
 from sim_core.structure.parameters import Prototype
 from sim_core.studies.robustness import CHUNK_JOBS, Study
-from sim_core.studies.tasks import Chunk, Cost, Draw, Report, Runner, joined, run_here, silent
+from sim_core.studies.tasks import Chunk, Cost, Draw, Reporter, Runner, joined, run_here, silent
 from sim_core.uncertainty.distribution import Law
 
 NOMINAL = "none (fails on the nominal robot)"
@@ -96,7 +96,7 @@ def attribute(
     study: Study,
     limit: int,
     runner: Runner = run_here,
-    report: Report = silent,
+    report: Reporter = silent,
     kind: str = IMPROVED,
 ) -> Attribution:
     """Try failed trials again, without each of the law's uncertainties and with each alone.

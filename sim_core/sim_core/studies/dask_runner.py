@@ -16,7 +16,7 @@ from typing import Any
 
 from sim_core.dynamics.jit_cache import PACKAGE, hash_of_sources
 from sim_core.errors import ClusterError, SimError
-from sim_core.studies.tasks import Chunk, Report, Runner, Trials, jobs_in, run_chunk, run_here, silent
+from sim_core.studies.tasks import Chunk, Reporter, Runner, Trials, jobs_in, run_chunk, run_here, silent
 
 ANSWER_S = 10.0
 WORKERS_S = 60.0
@@ -69,7 +69,7 @@ def connected(scheduler: str) -> Iterator[Any]:
 
 
 def run_on(
-    client: Any, chunks: Sequence[Chunk], report: Report = silent, work: Callable[[Chunk, str], Trials] | None = None
+    client: Any, chunks: Sequence[Chunk], report: Reporter = silent, work: Callable[[Chunk, str], Trials] | None = None
 ) -> list[Trials]:
     """Run chunks on a cluster by a `distributed.Client`; their trials in order. `work`: what a worker does, default `work_of`.
 

@@ -21,7 +21,7 @@ from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
 from sim_core.structure.arrays import Array
 from sim_core.structure.policy import Policy
-from sim_core.studies.tasks import Report, part_of, silent
+from sim_core.studies.tasks import Reporter, part_of, silent
 from sim_core.uncertainty import importance_weights as bayes
 from sim_core.uncertainty.robot_prior import DIMENSIONS, Member, Prior, headings, member_model
 
@@ -66,7 +66,7 @@ def stood_on_target(result: RollResult) -> bool:
 
 
 def wins_of(
-    nominal: Model, members: Sequence[Member], rolls: Sequence[tuple[Roll, bool]], report: Report = silent
+    nominal: Model, members: Sequence[Member], rolls: Sequence[tuple[Roll, bool]], report: Reporter = silent
 ) -> NDArray[np.bool_]:
     """What each member does in each trial, (members, trials).
 
@@ -157,7 +157,7 @@ def fit(
     seed: int = 1,
     lapse: float = bayes.LAPSE,
     rounds: int = ROUNDS,
-    report_of: Callable[[int], Report] = lambda number: silent,
+    report_of: Callable[[int], Reporter] = lambda number: silent,
     first_wins: NDArray[np.bool_] | None = None,
 ) -> Fit:
     """Fit an ensemble. The same arguments give the same ensemble.

@@ -18,7 +18,7 @@ from sim_core.planning.face_graph import FaceGraph
 from sim_core.structure.arrays import Array
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.ensemble_fit import Fit, Roll, Seen, wins_of
-from sim_core.studies.tasks import Report, silent
+from sim_core.studies.tasks import Reporter, silent
 from sim_core.uncertainty.importance_weights import beta_mean, predictive, predictive_without_own, systematic
 
 PREDICT_STREAM = 31
@@ -45,7 +45,7 @@ def shipped_prior(library: Library) -> Callable[[Gait], float]:
 
 
 def fitted_prior(
-    model: Model, found: Fit, seen: Sequence[Seen], gaits: Sequence[Gait], count: int, report: Report = silent
+    model: Model, found: Fit, seen: Sequence[Seen], gaits: Sequence[Gait], count: int, report: Reporter = silent
 ) -> Mapping[Roll, float]:
     """Probabilities by a fitted ensemble; of a tried gait, by all trials but its own, which then count once, by themselves.
 

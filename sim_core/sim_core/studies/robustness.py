@@ -19,7 +19,7 @@ from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import checked_policy
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of, rates_along
-from sim_core.studies.tasks import Chunk, Cost, Draw, Report, Runner, Trials, joined, run_here, silent
+from sim_core.studies.tasks import Chunk, Cost, Draw, Reporter, Runner, Trials, joined, run_here, silent
 from sim_core.uncertainty.distribution import Law
 
 HELD_OUT_SEED = 90_001
@@ -32,7 +32,7 @@ GAITS = 24
 
 
 @dataclass(frozen=True)
-class Plan:
+class StudyPlan:
     """What to study.
 
     Attributes:
@@ -77,7 +77,7 @@ class Study:
         reason: index into `reasons`; 0 is the empty one.
     """
 
-    plan: Plan
+    plan: StudyPlan
     primitives: tuple[Primitive, ...]
     gaits: tuple[tuple[tuple[str, str], ...], ...]
     feasible: NDArray[np.bool_]
@@ -167,7 +167,7 @@ def chunk_jobs(rolls: int) -> int:
 
 
 def chunks_of(
-    prototype: Prototype, primitives: Sequence[Primitive], plan: Plan, kind: str = IMPROVED, size: int | None = None
+    prototype: Prototype, primitives: Sequence[Primitive], plan: StudyPlan, kind: str = IMPROVED, size: int | None = None
 ) -> list[Chunk]:
     """The study's work: every chunk some prototypes with all their rolls, prototype by prototype, primitive by primitive.
 
@@ -192,9 +192,9 @@ def chunks_of(
 def study(
     prototype: Prototype,
     primitives: Sequence[Primitive],
-    plan: Plan,
+    plan: StudyPlan,
     runner: Runner = run_here,
-    report: Report = silent,
+    report: Reporter = silent,
     kind: str = IMPROVED,
 ) -> Study:
     """Roll every primitive in its gaits on every prototype.
@@ -206,7 +206,7 @@ def study(
     return assembled(primitives, plan, done)
 
 
-def assembled(primitives: Sequence[Primitive], plan: Plan, done: Sequence[Trials]) -> Study:
+def assembled(primitives: Sequence[Primitive], plan: StudyPlan, done: Sequence[Trials]) -> Study:
     """The trials of a study's chunks, put in order."""
     (gaits, count), trials = plan.shape, joined(done)
 

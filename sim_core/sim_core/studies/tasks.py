@@ -106,14 +106,14 @@ class Trials(NamedTuple):
     cost: Cost
 
 
-Report = Callable[[int, int], None]
+Reporter = Callable[[int, int], None]
 
 
 def silent(done: int, total: int) -> None:
     """Reports nothing."""
 
 
-def part_of(report: Report, before: int, total: int) -> Report:
+def part_of(report: Reporter, before: int, total: int) -> Reporter:
     """Reports a part of the work that begins after `before` of `total`."""
     return lambda done, _: report(before + done, total)
 
@@ -121,11 +121,11 @@ def part_of(report: Report, before: int, total: int) -> Report:
 class Runner(Protocol):
     """Runs chunks; trials in the chunks' order, whatever the number of workers. `report` gets (rolls done, rolls in all)."""
 
-    def __call__(self, chunks: Sequence[Chunk], report: Report = silent) -> list[Trials]:
+    def __call__(self, chunks: Sequence[Chunk], report: Reporter = silent) -> list[Trials]:
         """Run chunks."""
 
 
-def run_chunk(chunk: Chunk, threads: int = 1, report: Report = silent) -> Trials:
+def run_chunk(chunk: Chunk, threads: int = 1, report: Reporter = silent) -> Trials:
     """Build the chunk's prototypes and roll them.
 
     Raises:
@@ -195,7 +195,7 @@ def _models_of(nominal: Model, draws: Sequence[WhichRobot]) -> list[Model]:
     return [models[number] for number in range(len(draws))]
 
 
-def run_here(chunks: Sequence[Chunk], report: Report = silent) -> list[Trials]:
+def run_here(chunks: Sequence[Chunk], report: Reporter = silent) -> list[Trials]:
     """The runner of this machine: one chunk after the other, each on all cores."""
     threads, total, before = os.cpu_count() or 1, jobs_in(chunks), 0
     done = []

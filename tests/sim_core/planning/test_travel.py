@@ -12,7 +12,7 @@ from sim_core.gaits.library import load_library
 from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.planning.floor_planner import Floor, Stance
-from sim_core.planning.travel import MOST_MISSES, End, Journey, Rules, Step
+from sim_core.planning.travel import MOST_MISSES, Journey, JourneyEnd, Step, TravelRules
 from sim_core.structure.parameters import load_prototype
 
 START = Stance("TC6", 0.0, 0.0, 0.0)
@@ -29,7 +29,7 @@ def library():
 
 
 def journey(floor, library, goal=(0.4, 0.1), most_rolls=40, **more):
-    return Journey(floor, library, load_success_counts(library), goal, Rules(0.08, most_rolls, **more))
+    return Journey(floor, library, load_success_counts(library), goal, TravelRules(0.08, most_rolls, **more))
 
 
 def travelled(floor, trip, stance, works=lambda step: True):
@@ -46,7 +46,7 @@ def travelled(floor, trip, stance, works=lambda step: True):
 def test_it_arrives_and_tells_rolls_faces_and_lengths(floor, library):
     trip = journey(floor, library)
     end, steps, stance = travelled(floor, trip, START)
-    assert end == End(True, end.reason)
+    assert end == JourneyEnd(True, end.reason)
     assert stance.distance_m((0.4, 0.1)) <= 0.08
     assert trip.rolls == len(steps) == len(trip.faces) - 1
     assert trip.faces == ["TC6", *(step.gait.target for step in steps)]

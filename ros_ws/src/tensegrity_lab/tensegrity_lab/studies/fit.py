@@ -14,7 +14,7 @@ from sim_core.gaits.success_probability import success_counts_text
 from sim_core.rolling.warm_up import Stage
 from sim_core.studies.ensemble_fit import LEAST, Fit, estimates, fit
 from sim_core.studies.gait_probability import fitted_prior, gaits_of, learned_counts, roll_of, shipped_prior
-from sim_core.studies.rehearsal import MEMBERS
+from sim_core.studies.rehearsal import DEFAULT_MEMBERS
 from sim_core.uncertainty.ensemble import Posterior, posterior_text
 from sim_core.uncertainty.robot_prior import LABELS, Prior
 from tensegrity_lab.studies.fit_demonstration import Setting, demonstrate, half_ranges
@@ -67,7 +67,7 @@ def fitted(model: Model, tries: Tries, asked: Asked, with_odds: bool = False) ->
     rounds = 1 + asked.rounds
     each = asked.members * (len({one.roll for one in tries.seen if one.placed}) + sum(not one.placed for one in tries.seen))
     what = f"fitting {asked.members} robots to {len(tries.seen)} trials, in {rounds} round(s) at most"
-    later = len(gaits_of(tries.library.primitives)) * MEMBERS if with_odds else 0
+    later = len(gaits_of(tries.library.primitives)) * DEFAULT_MEMBERS if with_odds else 0
     say_forecast(what + (", then how likely each gait is" if later else ""), rounds * each + later, model)
     with bars("rolls", "nothing was written; the same command gives the same result later") as bar:
         return fit(
@@ -112,7 +112,7 @@ def write_odds(path: Path, model: Model, tries: Tries, found: Fit | None, asked:
     else:
         gaits = gaits_of(tries.library.primitives)
         with bars("rolls", f"{path} was not written; what is said to be written above is") as bar:
-            known = fitted_prior(model, found, tries.seen, gaits, MEMBERS, bar("how likely each gait is"))
+            known = fitted_prior(model, found, tries.seen, gaits, DEFAULT_MEMBERS, bar("how likely each gait is"))
         how = f"an ensemble fitted to, and gait by gait, {source}"
 
         def prior(gait: Any) -> float:

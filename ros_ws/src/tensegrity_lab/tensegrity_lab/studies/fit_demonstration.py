@@ -18,9 +18,8 @@ from sim_core.search.library_recipes import fitted_to
 from sim_core.studies.binomial_intervals import Rate, rate_of
 from sim_core.studies.ensemble_fit import Estimate, Fit, Seen, estimates, fit, prior_members, stood_on_target, wins_of
 from sim_core.studies.gait_probability import WEIGHT, fitted_prior, gaits_of, roll_of
-from sim_core.studies.rehearsal import MEMBERS as DEFAULT_MEMBERS
-from sim_core.studies.rehearsal import SEED as DEFAULT_SEED
-from sim_core.studies.tasks import Report
+from sim_core.studies.rehearsal import DEFAULT_MEMBERS, DEFAULT_SEED
+from sim_core.studies.tasks import Reporter
 from sim_core.uncertainty.distribution import Law, sample
 from sim_core.uncertainty.ensemble import Posterior
 from sim_core.uncertainty.importance_weights import LAPSE, beta_mean, log_score, predictive
@@ -104,7 +103,7 @@ def hidden_robot(prior: Prior, seed: int, number: int) -> Member:
     return base._replace(friction=float(rng.uniform(*LOW_FRICTION)), slope_deg=slope)
 
 
-def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[[str], Report]) -> Demonstration:
+def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[[str], Reporter]) -> Demonstration:
     """Run it. The same setting gives the same figures.
 
     Args:
@@ -136,7 +135,7 @@ def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[
     return Demonstration(setting, library, len(gaits), len(gaits) - setting.trials, tuple(cases))
 
 
-def _default_odds(model: Model, gaits: Sequence[Gait], lapse: float, report: Report) -> NDArray[np.float64]:
+def _default_odds(model: Model, gaits: Sequence[Gait], lapse: float, report: Reporter) -> NDArray[np.float64]:
     members = sample(model, DEFAULT_LAW, DEFAULT_MEMBERS, DEFAULT_SEED)
     jobs = [Job(k, gait.source, gait.policy, gait.target) for k in range(len(members)) for gait in gaits]
     wins = np.array([stood_on_target(result) for result in Batch(members).run(jobs, report)]).reshape(len(members), -1)
@@ -152,7 +151,7 @@ def _case(
     tried: NDArray[np.int64],
     first: NDArray[np.bool_],
     default: NDArray[np.float64],
-    report: Report,
+    report: Reporter,
 ) -> Case:
     seen = [Seen(roll_of(gaits[i]), bool(truth[i]), True) for i in tried]
     found = fit(
@@ -184,7 +183,7 @@ def _case(
     return Case(hidden, found, tuple(told), won, steepness, (scores[0], scores[1], scores[2]), (best[0], best[1], possible), None)
 
 
-def _searched(model: Model, setting: Setting, case: Case, report: Report) -> Library:
+def _searched(model: Model, setting: Setting, case: Case, report: Reporter) -> Library:
     """The library that a search finds on the fitted ensemble."""
     posterior = Posterior(model.hash, {"demonstration": setting.seed}, setting.prior.noise, case.found.members, case.found.weights)
     plan = fitted_to(posterior)
@@ -195,7 +194,7 @@ def _searched(model: Model, setting: Setting, case: Case, report: Report) -> Lib
     return search.library()
 
 
-def _won(model: Model, robots: Sequence[Member], library: Library, report: Report) -> NDArray[np.bool_]:
+def _won(model: Model, robots: Sequence[Member], library: Library, report: Reporter) -> NDArray[np.bool_]:
     """Which of all the library's gaits each robot wins, (robots, gaits)."""
     return wins_of(model, robots, [(roll_of(gait), True) for gait in gaits_of(library.primitives)], report)
 

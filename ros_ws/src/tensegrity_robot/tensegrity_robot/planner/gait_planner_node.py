@@ -24,7 +24,18 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from hardware_bridge.errors import may_be_sent_again
 from sim_core.errors import RollRefused, SimError
 from sim_core.gaits.library import Gait, load_library
-from sim_core.gaits.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View, known_face
+from sim_core.gaits.roll_sequence import (
+    Lengths,
+    Move,
+    Phase,
+    RollOutcome,
+    RollPlan,
+    RollRules,
+    RollSequence,
+    Seen,
+    View,
+    known_face,
+)
 from sim_core.gaits.strut_motion import Knot, constant_speed_knots
 from sim_core.gaits.success_probability import load_success_counts
 from sim_core.names import STRUT_NAMES
@@ -33,7 +44,7 @@ from sim_core.rolling.warm_up import Stage, is_warm
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import lengths_of, neutral_lengths
 from sim_core.structure.topology import require_adjacent
-from sim_core.studies.rehearsal import SEED
+from sim_core.studies.rehearsal import DEFAULT_SEED
 from sim_core.twin.live_bridge import LiveBridge
 from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, MAX_SCALE, Law
 from tensegrity_interfaces.action import ExecuteStruts, Roll
@@ -128,7 +139,7 @@ class GaitPlannerNode(Node):
             self._prototype = load_prototype(p.prototype_file or None)
         except SimError as error:
             raise StartError(str(error)) from error
-        self._rules = Rules(
+        self._rules = RollRules(
             tuple(float(length) for length in neutral_lengths(self._prototype)),
             p.confirm == "observed",
             p.settle_timeout_s,
@@ -154,7 +165,7 @@ class GaitPlannerNode(Node):
         self._struts = ActionClient(self, ExecuteStruts, "execute_struts")
         self._rehearsals = topics.REHEARSAL.publisher(self)
         self._rehearser = (
-            Rehearser(self._prototype, Law(p.rehearse_scale, incline_deg=p.rehearse_incline_deg), p.rehearse_members, SEED)
+            Rehearser(self._prototype, Law(p.rehearse_scale, incline_deg=p.rehearse_incline_deg), p.rehearse_members, DEFAULT_SEED)
             if p.rehearse_members
             else None
         )
@@ -287,12 +298,12 @@ class GaitPlannerNode(Node):
         self._roll = roll = _Running(goal, RollSequence(self._rules, lambda face: self._plan(request, face)))
         try:
             self._look()
-            outcome: Outcome = await roll.done
+            outcome: RollOutcome = await roll.done
             return self._result(roll, outcome)
         finally:
             self._roll = None
 
-    def _plan(self, request: Roll.Goal, source: str) -> Plan:
+    def _plan(self, request: Roll.Goal, source: str) -> RollPlan:
         """The gait from the face known now. Raises RollRefused, naming what is valid."""
         roll = self._roll
         assert roll is not None
@@ -307,9 +318,9 @@ class GaitPlannerNode(Node):
         except SimError as error:
             raise RollRefused(str(error)) from error
         roll.gait = gait
-        return Plan(source, request.target_face, _lengths(lengths_of(self._prototype, gait.policy)))
+        return RollPlan(source, request.target_face, _lengths(lengths_of(self._prototype, gait.policy)))
 
-    def _result(self, roll: _Running, outcome: Outcome) -> Roll.Result:
+    def _result(self, roll: _Running, outcome: RollOutcome) -> Roll.Result:
         if roll.cancelled_at is not None and roll.goal.is_cancel_requested:
             roll.goal.canceled()
         elif outcome.success:
@@ -384,7 +395,7 @@ class GaitPlannerNode(Node):
             except RollRefused as error:
                 self._end_with(roll, str(error))
                 return
-            if isinstance(step, Outcome):
+            if isinstance(step, RollOutcome):
                 self._close(step)
             elif step is not None:
                 self._do(step)
@@ -435,7 +446,7 @@ class GaitPlannerNode(Node):
             roll.motion.cancel_goal_async()
         self._close(roll.sequence.end(self._view(), reason))
 
-    def _close(self, outcome: Outcome) -> None:
+    def _close(self, outcome: RollOutcome) -> None:
         roll = self._roll
         if roll is not None and not roll.done.done():
             roll.done.set_result(outcome)

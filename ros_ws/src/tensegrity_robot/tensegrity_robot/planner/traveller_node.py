@@ -31,8 +31,7 @@ from sim_core.errors import SimError
 from sim_core.gaits.library import load_library
 from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.floor_planner import REACH_M, Floor, Stance
-from sim_core.planning.travel import End as JourneyEnd
-from sim_core.planning.travel import Journey, Rules, Step
+from sim_core.planning.travel import Journey, JourneyEnd, Step, TravelRules
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.live_bridge import FRESH_S, LiveBridge, age_s, is_fresh
@@ -244,7 +243,7 @@ class TravellerNode(Node):
             handle.abort()
             return Travel.Result(reason="another travel is running")
         request, p = handle.request, self._settings
-        rules = Rules(request.reach_m or p.reach_m, int(request.most_rolls) or p.most_rolls, p.use_odds)
+        rules = TravelRules(request.reach_m or p.reach_m, int(request.most_rolls) or p.most_rolls, p.use_odds)
         place = request.goal.pose.position
         journey = Journey(self._floor, self._library, self._counts, (place.x, place.y), rules)
         self._travel = travel = _Travel(handle, journey)

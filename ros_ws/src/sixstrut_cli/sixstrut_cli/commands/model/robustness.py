@@ -80,7 +80,7 @@ def command(
     from sim_core.structure.parameters import load_prototype
     from sim_core.studies.attribution import attribute
     from sim_core.studies.dask_runner import runner_of
-    from sim_core.studies.robustness import HELD_OUT_SEED, Plan, require_held_out, study, success_counts_of
+    from sim_core.studies.robustness import HELD_OUT_SEED, StudyPlan, require_held_out, study, success_counts_of
     from sim_core.studies.tasks import compile_kernels
     from sim_core.uncertainty.distribution import Law, groups_of
     from tensegrity_lab.reports.robustness_plot import robustness_picture
@@ -92,7 +92,7 @@ def command(
 
     robot, shelf = load_prototype(prototype), load_library(library)
     law = Law(scale, groups_of(groups), correlation, design, incline)
-    plan = Plan(law, HELD_OUT_SEED if seed is None else seed, QUICK_PROTOTYPES if quick else prototypes, one_gait, first)
+    plan = StudyPlan(law, HELD_OUT_SEED if seed is None else seed, QUICK_PROTOTYPES if quick else prototypes, one_gait, first)
     require_held_out(shelf, plan.seed)
     primitives = shelf.primitives
     if quick:
