@@ -29,8 +29,7 @@ if TYPE_CHECKING:
     from sim_core.structure.symmetry import class_of, rolls_of
     from sim_core.studies.binomial_intervals import rate_of
     from sim_core.studies.rehearsal import Ensemble
-    from sim_core.uncertainty.distribution import Law
-    from sim_core.uncertainty.seeded_perturbation import perturb
+    from sim_core.uncertainty.distribution import Law, perturb
 
 __all__ = [
     "Ensemble",
@@ -54,27 +53,19 @@ __all__ = [
     "rolls_of",
 ]
 
-_MODULES = {
-    "Ensemble": "studies.rehearsal",
-    "Job": "rolling.batch",
-    "Law": "uncertainty.distribution",
-    "Model": "dynamics.model",
-    "Primitive": "gaits.library",
-    "Prototype": "structure.parameters",
-    "Robot": "dynamics.robot",
-    "RollResult": "rolling.roll",
-    "Sample": "rolling.roll",
-    "build_model": "dynamics.model",
-    "class_of": "structure.symmetry",
-    "gait_of": "gaits.library",
-    "load_library": "gaits.library",
-    "load_prototype": "structure.parameters",
-    "perturb": "uncertainty.seeded_perturbation",
-    "rate_of": "studies.binomial_intervals",
-    "roll": "rolling.roll",
-    "roll_many": "rolling.batch",
-    "rolls_of": "structure.symmetry",
+_NAMES = {
+    "dynamics.model": ("Model", "build_model"),
+    "dynamics.robot": ("Robot",),
+    "gaits.library": ("Primitive", "gait_of", "load_library"),
+    "rolling.batch": ("Job", "roll_many"),
+    "rolling.roll": ("RollResult", "Sample", "roll"),
+    "structure.parameters": ("Prototype", "load_prototype"),
+    "structure.symmetry": ("class_of", "rolls_of"),
+    "studies.binomial_intervals": ("rate_of",),
+    "studies.rehearsal": ("Ensemble",),
+    "uncertainty.distribution": ("Law", "perturb"),
 }
+_MODULES = {name: module for module, names in _NAMES.items() for name in names}
 
 
 def __getattr__(name: str) -> Any:

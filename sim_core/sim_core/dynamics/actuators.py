@@ -23,23 +23,18 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
-from importlib.resources import files
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_core.errors import ParameterError, YamlError, brief
-from sim_core.files.yaml_reader import read_yaml
-from sim_core.structure.parameters import SOURCES, Prototype, Spec
+from sim_core.errors import ParameterError
+from sim_core.structure.arrays import Array
+from sim_core.structure.parameter_file import ParameterFile, spec, specs_of
+from sim_core.structure.parameters import Prototype
 
-Array = NDArray[np.float64]
-SCHEMA = 1
-SHIPPED = "sim_core/sim_core/data/actuators.yaml"
-"""Where the stand-in ones lie in the repository, for people."""
 IDEAL, STAND_IN = "ideal", "stand-in"
 """Names of actuators: the solver's own, and those of the shipped file."""
 PERIOD_S = 0.01
@@ -47,44 +42,30 @@ PERIOD_S = 0.01
 SPEED_OF_FOLLOWING = 2.0
 """Speed of the solver's own actuators over the fastest of the model here, which they only follow, without jerks."""
 
-SPECS: dict[str, Spec] = {
-    "no_load_speed_m_s": Spec("m/s", 1e-4, 1.0),
-    "stall_n": Spec("N", 0.1, 1e5),
-    "back_drive_n": Spec("N", 0.1, 1e5),
-    "back_drive_speed_m_s": Spec("m/s", 0.0, 1.0),
-    "dead_band_m": Spec("m", 0.0, 0.01),
-    "play_m": Spec("m", 0.0, 0.01),
-    "play_load_n": Spec("N", 0.01, 1e3),
-    "load_time_s": Spec("s", 0.005, 10.0),
-    "stroke_m": Spec("m", 1e-3, 2.0),
-    "no_load_current_a": Spec("A", 0.0, 100.0),
-    "stall_current_a": Spec("A", 0.0, 100.0),
-    "supply_nominal_v": Spec("V", 1.0, 100.0),
-    "supply_open_v": Spec("V", 1.0, 100.0),
-    "supply_resistance_ohm": Spec("ohm", 0.0, 10.0),
-    "brown_out_v": Spec("V", 0.0, 100.0),
-}
-
 
 @dataclass(frozen=True)
 class ActuatorParameters:
-    """One kind of actuator; units are in the names, meanings in data/actuators.yaml, valid ranges in SPECS."""
+    """One kind of actuator; units are in the names, meanings in data/actuators.yaml."""
 
-    no_load_speed_m_s: float
-    stall_n: float
-    back_drive_n: float
-    back_drive_speed_m_s: float
-    dead_band_m: float
-    play_m: float
-    play_load_n: float
-    load_time_s: float
-    stroke_m: float
-    no_load_current_a: float
-    stall_current_a: float
-    supply_nominal_v: float
-    supply_open_v: float
-    supply_resistance_ohm: float
-    brown_out_v: float
+    no_load_speed_m_s: float = spec("m/s", 1e-4, 1.0)
+    stall_n: float = spec("N", 0.1, 1e5)
+    back_drive_n: float = spec("N", 0.1, 1e5)
+    back_drive_speed_m_s: float = spec("m/s", 0.0, 1.0)
+    dead_band_m: float = spec("m", 0.0, 0.01)
+    play_m: float = spec("m", 0.0, 0.01)
+    play_load_n: float = spec("N", 0.01, 1e3)
+    load_time_s: float = spec("s", 0.005, 10.0)
+    stroke_m: float = spec("m", 1e-3, 2.0)
+    no_load_current_a: float = spec("A", 0.0, 100.0)
+    stall_current_a: float = spec("A", 0.0, 100.0)
+    supply_nominal_v: float = spec("V", 1.0, 100.0)
+    supply_open_v: float = spec("V", 1.0, 100.0)
+    supply_resistance_ohm: float = spec("ohm", 0.0, 10.0)
+    brown_out_v: float = spec("V", 0.0, 100.0)
+
+
+SPECS = specs_of(ActuatorParameters)
+FILE = ParameterFile("actuators", SPECS, f"; give {IDEAL}, {STAND_IN} or a YAML file")
 
 
 class Actuators(NamedTuple):
@@ -201,27 +182,17 @@ def hash_of(parameters: ActuatorParameters) -> str:
     return hashlib.sha256(repr(parameters).encode()).hexdigest()[:16]
 
 
-def default_path() -> Path:
-    """The stand-in actuators' YAML."""
-    return Path(str(files("sim_core") / "data" / "actuators.yaml"))
-
-
 def load_actuators(path: Path | str | None = None) -> ActuatorParameters:
     """The actuators of a YAML file (default: the stand-in ones).
 
     Raises:
         ParameterError: naming file, parameter, what was got and what is valid.
     """
-    file = default_path() if path is None else Path(path)
-    try:
-        document = read_yaml(file)
-    except OSError as error:
-        raise ParameterError(
-            f"cannot read actuator file {file}: {error.strerror}; give {IDEAL}, {STAND_IN} or a YAML file"
-        ) from error
-    except YamlError as error:
-        raise ParameterError(str(error)) from error
-    return parse_actuators(document, str(file))
+    parameters = ActuatorParameters(**{entry.name: entry.value for entry in FILE.load(path)})
+    if parameters.stall_current_a < parameters.no_load_current_a:
+        given = f"stall_current_a is {parameters.stall_current_a}"
+        raise ParameterError(f"{path}: {given}; valid is no_load_current_a or more")
+    return parameters
 
 
 def require_actuators(which: str) -> ActuatorParameters | None:
@@ -233,32 +204,3 @@ def require_actuators(which: str) -> ActuatorParameters | None:
     if which == IDEAL:
         return None
     return load_actuators(None if which == STAND_IN else which)
-
-
-def parse_actuators(document: Any, file: str) -> ActuatorParameters:
-    """The actuators of a parsed YAML; `file` names it in errors. Raises ParameterError."""
-    if not isinstance(document, Mapping) or document.get("schema") != SCHEMA:
-        raise ParameterError(f"{file} is not an actuator file: valid is a mapping with schema {SCHEMA}, as in {SHIPPED}")
-    given = {name: row for name, row in document.items() if name not in ("schema", "name")}
-    if given.keys() != SPECS.keys():
-        missing, unknown = sorted(SPECS.keys() - given.keys()), sorted(map(str, given.keys() - SPECS.keys()))
-        raise ParameterError(f"{file}: missing {missing}, unknown {unknown}; valid parameters are those of {SHIPPED}")
-    parameters = ActuatorParameters(
-        **{field.name: _value(file, field.name, given[field.name]) for field in fields(ActuatorParameters)}
-    )
-    if parameters.stall_current_a < parameters.no_load_current_a:
-        raise ParameterError(f"{file}: stall_current_a is {parameters.stall_current_a}; valid is no_load_current_a or more")
-    return parameters
-
-
-def _value(file: str, name: str, row: Any) -> float:
-    spec = SPECS[name]
-    if not isinstance(row, Mapping) or not {"value", "unit", "source"} <= row.keys():
-        raise ParameterError(f"{file}: {name} must be {{value: ..., unit: ..., source: ...}}, got {brief(row)}")
-    if row["unit"] != spec.unit or row["source"] not in SOURCES:
-        got = f"unit {brief(row['unit'])} and source {brief(row['source'])}"
-        raise ParameterError(f"{file}: {name} has {got}; valid are {spec.unit!r} and one of {', '.join(SOURCES)}")
-    value = row["value"]
-    if not isinstance(value, (int, float)) or isinstance(value, bool) or not spec.low <= value <= spec.high:
-        raise ParameterError(f"{file}: {name} = {brief(value)}: valid is a number in [{spec.low:g}, {spec.high:g}] {spec.unit}")
-    return float(value)

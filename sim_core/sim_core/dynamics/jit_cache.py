@@ -2,8 +2,8 @@
 """Where compiled kernels are kept between processes.
 
 numba looks only at the file of the cached function itself: after a change of a function that it calls in another file it
-would go on using the old code. So the folder's name holds a hash of every source of this package. It lies beside the sources if
-that is writable, else in the user's cache.
+would go on using the old code. So the folder's name holds a hash of all that compiled functions can see. It lies beside the sources
+if that is writable, else in the user's cache.
 
 Whoever compiles takes `njit` from here, so that the folder is set before; what compiles nothing needs no numba at all.
 """
@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar
 
@@ -44,30 +44,42 @@ else:
     from numba import njit  # noqa: F401 (whoever compiles takes it from here)
 
 
-def sources_hash(*patterns: str) -> str:
-    """Identifies this package's sources; with patterns, such as "**/*.yaml", also the files that these name."""
-    package = Path(__file__).parent.parent
+PACKAGE = Path(__file__).parent.parent
+KERNEL_SOURCES = (
+    "dynamics/jit_cache.py",
+    "dynamics/simd.py",
+    "dynamics/support.py",
+    "dynamics/vfife.py",
+    "rolling/batch.py",
+    "rolling/quasi_static.py",
+    "rolling/roll_monitor.py",
+    "structure/topology.py",
+)
+"""The functions that `rolling.warm_up` compiles, and whatever compiled functions use of other files."""
+
+
+def hash_of_sources(paths: Iterable[Path]) -> str:
+    """Identifies sources of this package: sha256 of their names and bytes, 16 hex digits."""
     digest = hashlib.sha256()
-    for path in sorted({path for pattern in ("**/*.py", *patterns) for path in package.glob(pattern)}):
-        digest.update(path.relative_to(package).as_posix().encode())
+    for path in sorted(paths):
+        digest.update(path.relative_to(PACKAGE).as_posix().encode())
         digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 
 
 def use_own_folder() -> Path:
-    """Point numba at the folder for exactly these sources; must run before anything is compiled.
+    """Point numba at the folder for exactly these kernels; must run before anything is compiled.
 
     A folder given by the user (NUMBA_CACHE_DIR) is the parent then.
     """
-    package = Path(__file__).parent.parent
     given = os.environ.get("NUMBA_CACHE_DIR")
     if given:
         parent = Path(given)
-    elif os.access(package, os.W_OK):
-        parent = package / "__pycache__"
+    elif os.access(PACKAGE, os.W_OK):
+        parent = PACKAGE / "__pycache__"
     else:
         parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sixstrut"
-    folder = parent / f"kernels-{sources_hash()}"
+    folder = parent / f"kernels-{hash_of_sources(PACKAGE / name for name in KERNEL_SOURCES)}"
     config: Any = numba.config
     config.CACHE_DIR = str(folder)
     return folder

@@ -20,8 +20,7 @@ NO_GROUND = -1e9
 def stiffness(state: Array, par: Array, assembly: k.Assembly) -> Array:
     """Stiffness matrix of the elements (ground and gravity left out) about a state, by central differences of the kernel.
 
-    Returns:
-        (6P, 6P): rows are −force and −moment, columns displacement and spatial rotation, particle by particle.
+    (6P, 6P): rows are −force and −moment, columns displacement and spatial rotation, particle by particle.
     """
     particles = assembly.particles
     step, columns = 1e-7, []
@@ -47,13 +46,7 @@ def stiffness(state: Array, par: Array, assembly: k.Assembly) -> Array:
 
 
 def ground_stiffness(e: Elements, frames: Array, points: Iterable[int]) -> Array:
-    """Stiffness of closed, sticking contacts at the given contact points, (6P, 6P).
-
-    Args:
-        e: the robot's elements.
-        frames: (P, 3, 3) rotation matrices.
-        points: indices of the contact points.
-    """
+    """Stiffness of closed, sticking contacts at contact points with these indices, (6P, 6P); `frames`: (P, 3, 3)."""
     particles = len(e.mass_kg)
     total = np.zeros((6 * particles, 6 * particles))
     normal, tangential = e.ground_stiffness_n_m

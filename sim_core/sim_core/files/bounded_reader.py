@@ -10,6 +10,8 @@ from pathlib import Path
 
 from sim_core.errors import FileError
 
+DATA = Path(__file__).parent.parent / "data"
+"""Files that are shipped with sim_core."""
 MOST_BYTES = 4_000_000
 """The largest file that the tools read whole, a fitted ensemble of 10,000 members, has 2 MB."""
 

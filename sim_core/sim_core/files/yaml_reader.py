@@ -10,12 +10,13 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, NoReturn
+from typing import Any, NoReturn
 
 import yaml
 
-from sim_core.errors import FileError, YamlError
+from sim_core.errors import FileError, SimError, YamlError
 from sim_core.files.bounded_reader import MOST_BYTES, read_bytes, text_of
 
 MOST_NODES = 500_000
@@ -44,6 +45,16 @@ def read_yaml(path: Path | str) -> Any:
     except FileError as error:
         raise YamlError(str(path), error.problem, error.remedy) from None
     return parse_yaml(data, str(path))
+
+
+def read_yaml_or(raised: type[SimError], path: Path | str, what: str, hint: str = "") -> Any:
+    """`read_yaml`, but an error is of the kind `raised`: it says what the file should be and, where there is none, the hint."""
+    try:
+        return read_yaml(path)
+    except OSError as error:
+        raise raised(f"cannot read {what} {path}: {error.strerror}{hint}") from error
+    except YamlError as error:
+        raise raised(str(error)) from error
 
 
 def parse_yaml(data: bytes | str, where: str) -> Any:
@@ -75,14 +86,22 @@ def _events(text: str) -> Iterator[Any]:
         parser.dispose()
 
 
-class _Open(NamedTuple):
-    """A collection that has not ended: itself, and the lines of its keys if it is a mapping."""
+def yaml_text(document: Any) -> str:
+    """The YAML of plain data, in the form of all files that are written here."""
+    return str(yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=120))
+
+
+@dataclass
+class _Open:
+    """A collection that has not ended; of a mapping also the lines of its keys, and the key whose value comes next."""
 
     value: Any
     lines: dict[str, int] | None
+    key: str | None = None
 
-
-_NO_KEY = object()
+    @property
+    def wants_key(self) -> bool:
+        return self.lines is not None and self.key is None
 
 
 class _Document:
@@ -91,10 +110,8 @@ class _Document:
     def __init__(self, where: str):
         self._where = where
         self._open: list[_Open] = []
-        self._keys: list[Any] = []
-        self._nodes = 0
+        self._nodes = self._documents = 0
         self._root: Any = None
-        self._documents = 0
 
     def of(self, events: Iterator[Any]) -> Any:
         """The one document; None if there is nothing. Raises YamlError, yaml.YAMLError."""
@@ -108,7 +125,6 @@ class _Document:
                     self._begin(event)
                 case yaml.MappingEndEvent() | yaml.SequenceEndEvent():
                     self._open.pop()
-                    self._keys.pop()
                 case yaml.AliasEvent():
                     self._refuse(event, f"an alias (*{event.anchor})", "write out what it stands for")
                 case yaml.DocumentStartEvent():
@@ -132,40 +148,36 @@ class _Document:
     def _begin(self, event: Any) -> None:
         if len(self._open) >= MOST_DEPTH:
             self._refuse(event, f"nested deeper than {MOST_DEPTH} levels", "is it the right file?")
+        if self._open and self._open[-1].wants_key:
+            self._refuse(event, "a key that is a mapping or a list", "valid keys are text")
         mapping = isinstance(event, yaml.MappingStartEvent)
         value: Any = {} if mapping else []
-        if self._open and self._open[-1].lines is not None and self._keys[-1] is _NO_KEY:
-            self._refuse(event, "a key that is a mapping or a list", "valid keys are text")
         self._add(value)
         self._open.append(_Open(value, {} if mapping else None))
-        self._keys.append(_NO_KEY)
 
     def _scalar(self, event: Any) -> None:
-        if self._open and self._open[-1].lines is not None and self._keys[-1] is _NO_KEY:
-            self._key(event)
-        else:
+        if not self._open or not self._open[-1].wants_key:
             self._add(self._value(event))
-
-    def _key(self, event: Any) -> None:
-        lines, key = self._open[-1].lines, event.value
-        assert lines is not None
+            return
+        mapping, key = self._open[-1], event.value
+        assert mapping.lines is not None
         if key == "<<" and event.implicit[0]:
             self._refuse(event, "a merge (<<)", "write values out where they are used")
-        if key in lines:
-            self._refuse(event, f"{key} is given twice, first in line {lines[key]}", "keep one")
-        lines[key] = event.start_mark.line + 1
-        self._keys[-1] = key
+        if key in mapping.lines:
+            self._refuse(event, f"{key} is given twice, first in line {mapping.lines[key]}", "keep one")
+        mapping.lines[key] = event.start_mark.line + 1
+        mapping.key = key
 
     def _add(self, value: Any) -> None:
         if not self._open:
             self._root = value
             return
-        collection = self._open[-1].value
-        if isinstance(collection, list):
-            collection.append(value)
+        collection = self._open[-1]
+        if collection.lines is None:
+            collection.value.append(value)
         else:
-            collection[self._keys[-1]] = value
-            self._keys[-1] = _NO_KEY
+            collection.value[collection.key] = value
+            collection.key = None
 
     def _value(self, event: Any) -> Any:  # noqa: PLR0911 (one row a kind)
         text = event.value

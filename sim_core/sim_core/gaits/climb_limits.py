@@ -11,11 +11,10 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import yaml
-
 from sim_core.errors import YamlError
-from sim_core.files.yaml_reader import read_yaml
-from sim_core.gaits.library import Gait, Library, libraries_folder
+from sim_core.files.bounded_reader import DATA
+from sim_core.files.yaml_reader import read_yaml, yaml_text
+from sim_core.gaits.library import Gait, Library
 
 SCHEMA = 1
 USUAL_DEG: Mapping[str, float] = {"TC": 1.8, "TO": 5.5}
@@ -43,7 +42,7 @@ class Climbs:
         return max(LEAST_DEG, self.steepest_deg[gait.primitive.name])
 
     def on_level(self, gait: Gait) -> float:
-        """What is left, on level ground, of odds found with ideal actuators: a gait with little to spare will hardly do.
+        """What is left, on level ground, of a probability found with ideal actuators: a gait with little to spare will hardly do.
 
         A logistic curve, hand-chosen: 0.27 for one that did not roll, 0.5 at a quarter of a degree, 0.95 at one.
         """
@@ -59,12 +58,12 @@ def climbs_text(climbs: Climbs) -> str:
     """The YAML of what was measured."""
     head = {"schema": SCHEMA, "library_hash": climbs.library_hash, "how": climbs.how}
     document = {**head, "steepest_deg": dict(climbs.steepest_deg)}
-    return yaml.safe_dump(document, sort_keys=False, allow_unicode=True, width=120)
+    return yaml_text(document)
 
 
 def load_climbs(library: Library) -> Climbs | None:
     """What was measured of a shipped library; None if nothing was, or it is another library's."""
-    file = libraries_folder().parent / "climbs" / f"{library.name}.yaml"
+    file = DATA / "climbs" / f"{library.name}.yaml"
     try:
         document: Any = read_yaml(file)
         steepest = {str(name): float(deg) for name, deg in document["steepest_deg"].items()}

@@ -7,19 +7,19 @@ import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import yaml
-
-from sim_core.errors import LibraryError, PolicyError, YamlError, brief
-from sim_core.files.yaml_reader import read_yaml
+from sim_core.errors import LibraryError, PolicyError, brief
+from sim_core.files.bounded_reader import DATA
+from sim_core.files.yaml_reader import read_yaml_or, yaml_text
 from sim_core.structure.policy import Policy, checked_policy
 from sim_core.structure.symmetry import CLASSES, RollClass, carrier, class_of
 from sim_core.structure.topology import require_adjacent
 
 SCHEMA = 1
+LIBRARIES = DATA / "libraries"
+"""Where the shipped ones are."""
 
 
 @dataclass(frozen=True)
@@ -104,11 +104,6 @@ def gait_of(primitive: Primitive, source: str, target: str) -> Gait:
     return Gait(primitive, source, target, checked_policy(element.relabel(primitive.policy), 10_000), element.proper)
 
 
-def libraries_folder() -> Path:
-    """Where the shipped libraries live."""
-    return Path(str(files("sim_core") / "data" / "libraries"))
-
-
 def load_library(name_or_path: str | Path = "robust") -> Library:
     """Read a shipped library by name, or any by path.
 
@@ -116,19 +111,13 @@ def load_library(name_or_path: str | Path = "robust") -> Library:
         LibraryError: cannot be read; names file, primitive, what was got and what is valid.
     """
     path = Path(name_or_path)
+    shipped = sorted(p.stem for p in LIBRARIES.glob("*.yaml"))
+    valid = f"; shipped are: {', '.join(shipped)}; your own is a path that ends in .yaml"
     if path.suffix != ".yaml":
-        path = libraries_folder() / f"{name_or_path}.yaml"
-    try:
-        document = read_yaml(path)
-    except OSError as error:
-        shipped = ", ".join(sorted(p.stem for p in libraries_folder().glob("*.yaml")))
-        valid = f"shipped are: {shipped}; your own is a path that ends in .yaml"
-        if path.parent == libraries_folder():
-            raise LibraryError(f"no library is called {str(name_or_path)!r}; {valid}") from error
-        raise LibraryError(f"cannot read library {path}: {error.strerror}; {valid}") from error
-    except YamlError as error:
-        raise LibraryError(str(error)) from error
-    return parse_library(document, str(path))
+        if str(name_or_path) not in shipped:
+            raise LibraryError(f"no library is called {str(name_or_path)!r}{valid}")
+        path = LIBRARIES / f"{name_or_path}.yaml"
+    return parse_library(read_yaml_or(LibraryError, path, "library", valid), str(path))
 
 
 def parse_library(document: Any, where: str) -> Library:
@@ -183,7 +172,7 @@ def library_text(library: Library) -> str:
         "model_hash": library.model_hash,
         "provenance": dict(library.provenance),
     }
-    lines = [yaml.safe_dump(head, sort_keys=False, allow_unicode=True, width=120).rstrip(), "primitives:"]
+    lines = [yaml_text(head) + "primitives:"]
     for p in library.primitives:
         margins = ", ".join(f"{key}: {value:g}" for key, value in p.margins.items())
         policy = ", ".join(map(str, p.policy))

@@ -69,7 +69,7 @@ class View:
 
 
 @dataclass(frozen=True)
-class Plan:
+class RollPlan:
     """One gait: `source` to `target` by driving to `lengths_m` and back."""
 
     source: str
@@ -78,7 +78,7 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Rules:
+class RollRules:
     """How a roll is judged.
 
     Attributes:
@@ -103,7 +103,7 @@ class Move:
 
 
 @dataclass(frozen=True)
-class Outcome:
+class RollOutcome:
     """The roll is over; `completed` says that both motions were made and the robot was judged."""
 
     success: bool
@@ -120,14 +120,14 @@ class RollSequence:
     """One roll.
 
     Args:
-        rules: see `Rules`.
+        rules: how it is judged.
         plan_from: makes the plan when the face to start from is known; raises RollRefused.
     """
 
-    rules: Rules
-    plan_from: Callable[[str], Plan]
+    rules: RollRules
+    plan_from: Callable[[str], RollPlan]
     phase: Phase = Phase.ACTUATE
-    plan: Plan | None = None
+    plan: RollPlan | None = None
     _faces: list[str] = field(default_factory=list)
     _failure: str = ""
     _began_ns: int | None = None
@@ -150,7 +150,7 @@ class RollSequence:
         self._moved_ns = view.robot_time_ns
         self.phase = _SETTLE_AFTER[self.phase]
 
-    def look(self, view: View) -> Move | Outcome | None:
+    def look(self, view: View) -> Move | RollOutcome | None:
         """What is known has changed, or time has passed; what to do now, if anything. Raises RollRefused as `begin`."""
         self._follow_faces(view)
         if self.phase is Phase.CONFIRM:
@@ -175,14 +175,14 @@ class RollSequence:
             return self._confirm(view)
         return self.end(view)
 
-    def end(self, view: View, reason: str = "") -> Outcome:
+    def end(self, view: View, reason: str = "") -> RollOutcome:
         """The roll ends here; a reason makes it a failure."""
         self._follow_faces(view)
         if reason:
             self._fail(reason)
         began_ns = self._moved_ns if self._began_ns is None else self._began_ns
         seen = self._seen_since(view)
-        return Outcome(
+        return RollOutcome(
             success=not self._failure,
             reason=self._failure,
             predicted_face=(view.predicted.face or "") if view.predicted else "",
@@ -198,7 +198,7 @@ class RollSequence:
         self.phase = phase
         return Move(phase, lengths_m)
 
-    def _start_from_neutral(self, view: View) -> Move | Outcome:
+    def _start_from_neutral(self, view: View) -> Move | RollOutcome:
         if self._failure:
             return self.end(view)
         self.plan = self.plan_from(known_face(view))
@@ -234,7 +234,7 @@ class RollSequence:
             where = f"on {stands.face}" if stands.face else "on no face"
             self._fail(f"after {when} the robot stands {where} ({stands.source}), not on {self.plan.target}")
 
-    def _confirm(self, view: View) -> Outcome | None:
+    def _confirm(self, view: View) -> RollOutcome | None:
         if self._seen_since(view) is not None:
             self._judge(view)
             return self.end(view)

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from sim_core.errors import LibraryError, YamlError
-from sim_core.files.yaml_reader import read_yaml
-from sim_core.gaits.library import Gait, Library, libraries_folder
+from sim_core.files.bounded_reader import DATA
+from sim_core.files.yaml_reader import read_yaml, yaml_text
+from sim_core.gaits.library import Gait, Library
 from sim_core.printable import printable
 from sim_core.structure.symmetry import rolls_of
 
@@ -22,7 +21,7 @@ MEANS = 9_998
 
 
 @dataclass(frozen=True)
-class Odds:
+class SuccessCounts:
     """Successes of trials, gait by gait.
 
     Attributes:
@@ -37,49 +36,49 @@ class Odds:
     trials: int
     wins: Mapping[str, tuple[int, ...]]
 
-    def of(self, gait: Gait) -> float:
-        """Probability that the gait works: mean of the Beta posterior of its counts over a uniform prior (Laplace's rule)."""
-        wins = self.wins[gait.primitive.name][rolls_of(gait.primitive.roll_class).index((gait.source, gait.target))]
-        return (wins + 1.0) / (self.trials + 2.0)
+    def probability(self, gait: Gait) -> float:
+        """That the gait works: mean of the Beta posterior of its counts over a uniform prior (Laplace's rule)."""
+        return (self._wins(gait) + 1.0) / (self.trials + 2.0)
 
     def tries(self, gait: Gait) -> tuple[int, int] | None:
         """Successes and trials of the gait; None where the file holds probabilities that were learnt, and no counts."""
-        if self.trials == MEANS:
-            return None
-        return self.wins[gait.primitive.name][rolls_of(gait.primitive.roll_class).index((gait.source, gait.target))], self.trials
+        return None if self.trials == MEANS else (self._wins(gait), self.trials)
+
+    def _wins(self, gait: Gait) -> int:
+        return self.wins[gait.primitive.name][rolls_of(gait.primitive.roll_class).index((gait.source, gait.target))]
 
 
-def odds_text(odds: Odds) -> str:
+def success_counts_text(counts: SuccessCounts) -> str:
     """The YAML of how likely a library's gaits are."""
-    head = {"schema": SCHEMA, "library_hash": odds.library_hash, "how": odds.how, "trials": odds.trials}
-    lines = [yaml.safe_dump(head, sort_keys=False, allow_unicode=True, width=120).rstrip(), "wins:"]
-    lines += [f"  {name}: [{', '.join(map(str, wins))}]" for name, wins in odds.wins.items()]
+    head = {"schema": SCHEMA, "library_hash": counts.library_hash, "how": counts.how, "trials": counts.trials}
+    lines = [yaml_text(head) + "wins:"]
+    lines += [f"  {name}: [{', '.join(map(str, wins))}]" for name, wins in counts.wins.items()]
     return "\n".join(lines) + "\n"
 
 
-def load_odds(library: Library, path: Path | None = None) -> Odds | None:
+def load_success_counts(library: Library, path: Path | None = None) -> SuccessCounts | None:
     """How likely gaits are, from a file, or from the shipped one of its name; None if none is shipped, or it is another library's.
 
     Raises:
         LibraryError: a given file that cannot be read, or belongs to another library.
     """
-    file = path or libraries_folder().parent / "odds" / f"{library.name}.yaml"
+    file = path or DATA / "odds" / f"{library.name}.yaml"
     try:
         document: Any = read_yaml(file)
-        odds = Odds(
+        counts = SuccessCounts(
             str(document["library_hash"]),
             str(document["how"]),
             int(document["trials"]),
             {str(name): tuple(int(won) for won in row) for name, row in document["wins"].items()},
         )
     except (OSError, YamlError, AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
-        if path is None:
-            return None
-        raise LibraryError(
+        problem = (
             f"cannot read success counts {file}: {printable(error, 200)}; make them with: sixstrut robustness LIBRARY --odds FILE"
-        ) from error
-    if odds.library_hash != library.hash:
-        if path is None:
-            return None
-        raise LibraryError(f"success counts {file} are of library {odds.library_hash}, not of {library.name!r} ({library.hash})")
-    return odds
+        )
+    else:
+        if counts.library_hash == library.hash:
+            return counts
+        problem = f"success counts {file} are of library {counts.library_hash}, not of {library.name!r} ({library.hash})"
+    if path is None:
+        return None
+    raise LibraryError(problem)

@@ -27,7 +27,7 @@ from sim_core.structure.topology import FACES, NEIGHBOURS, require_face
 REACH_M = 0.08
 """Default distance from the goal that counts as there: a roll goes about so far, so no route can promise to come much nearer."""
 ROLL_COST = 0.02
-"""What a sure roll costs beside its odds, as −log of a probability: of equally likely routes the shorter one."""
+"""What a sure roll costs beside its improbability, as −log: of equally likely routes the shorter one."""
 CELL_M, CELL_RAD = 0.01, math.radians(10.0)
 """Stances nearer than this to each other are taken for one."""
 MOST_STANCES = 50_000
@@ -64,14 +64,14 @@ class Way(NamedTuple):
     Attributes:
         stances: from the first to the last.
         choices: the most reliable gait of each roll.
-        odds: that all of them work at first try, taken as independent.
+        probability: that all of them work at first try, taken as independent.
         left_m: distance from the goal at the end.
         reaches: it is within what was asked for.
     """
 
     stances: tuple[Stance, ...]
     choices: tuple[Choice, ...]
-    odds: float
+    probability: float
     left_m: float
     reaches: bool
 
@@ -128,24 +128,17 @@ class Floor:
         lean: Lean = LEVEL,
         climbs_deg: Callable[[Gait], float] = usual_deg,
     ) -> Way:
-        """The likeliest rolls to within `reach_m` of a goal (A* over stances, by −log odds and length).
+        """The likeliest rolls to within `reach_m` of a goal (A* over stances, by −log of their probability and length).
 
-        If no stance is that near within MOST_STANCES looked at, the way to the nearest one.
-
-        Args:
-            start: where the robot stands.
-            goal_m: (x, y) on the floor, in [m].
-            graph: the gaits' graph of faces.
-            reach_m: how near is there, in [m].
-            lean: of the ground; see Lean.
-            climbs_deg: how steep a gait climbs; uphill, one that climbs steeper is preferred.
+        If none of MOST_STANCES looked at is that near, the way to the nearest one. On ground that leans, a gait that climbs steeper
+        (`climbs_deg`) is preferred uphill.
 
         Raises:
             LibraryError: the library has no gait from there.
         """
         best = {pair: _undominated(graph.choices(*pair), climbs_deg, lean) for pair in self._moves}
         ways = [one for ones in best.values() for one in ones]
-        surest = max((choice.odds for choice, _ in ways), default=1.0)
+        surest = max((choice.probability for choice, _ in ways), default=1.0)
         climbs = [deg for _, deg in ways] or [1.0]
 
         def ahead(stance: Stance) -> float:
@@ -175,7 +168,7 @@ class Floor:
             for target in NEIGHBOURS[stance.face]:
                 heading = self.heading_rad(stance, target)
                 down = lean[0] * math.cos(heading) + lean[1] * math.sin(heading)
-                likely = [(_leaned(choice.odds, down / deg), choice) for choice, deg in best[stance.face, target]]
+                likely = [(_leaned(choice.probability, down / deg), choice) for choice, deg in best[stance.face, target]]
                 here, choice = max(likely, key=lambda one: one[0], default=(0.0, None))
                 if here <= 0.0 or choice is None:
                     continue
@@ -183,7 +176,7 @@ class Floor:
                 cost = costs[cell] + ROLL_COST - math.log(here)
                 if cost < costs.get(_cell(there), math.inf):
                     costs[_cell(there)] = cost
-                    nodes.append((there, number, choice._replace(odds=here)))
+                    nodes.append((there, number, choice._replace(probability=here)))
                     heapq.heappush(queue, (cost + ahead(there), len(nodes) - 1))
         if len(nodes) == 1:
             raise LibraryError(f"library {graph.library.name} has no gait from {start.face}")
@@ -200,8 +193,8 @@ class Floor:
                 choices.append(choice)
             number = before
         left = nodes[end][0].distance_m(goal_m)
-        odds = math.prod(choice.odds for choice in choices)
-        return Way(tuple(reversed(stances)), tuple(reversed(choices)), odds, left, left <= reach_m)
+        probability = math.prod(choice.probability for choice in choices)
+        return Way(tuple(reversed(stances)), tuple(reversed(choices)), probability, left, left <= reach_m)
 
 
 def _undominated(choices: Sequence[Choice], climbs_deg: Callable[[Gait], float], lean: Lean) -> list[tuple[Choice, float]]:
@@ -241,11 +234,11 @@ def _least_cost(rolls: float, surest: float, logits: float) -> float:
     return min(rolls * n * (ROLL_COST - math.log(max(_leaned(surest, logits / n), 1e-6))) for n in longer)
 
 
-def _leaned(odds: float, logits: float) -> float:
-    """Odds after so many logits are added to theirs."""
-    if logits == 0.0 or odds <= 0.0 or odds >= 1.0:
-        return odds
-    return odds / (odds + (1.0 - odds) * math.exp(-logits))
+def _leaned(probability: float, logits: float) -> float:
+    """A probability after so many logits are added to its own."""
+    if logits == 0.0 or probability <= 0.0 or probability >= 1.0:
+        return probability
+    return probability / (probability + (1.0 - probability) * math.exp(-logits))
 
 
 def _heading(edge: Array) -> float:

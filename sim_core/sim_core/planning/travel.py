@@ -9,35 +9,31 @@ from typing import NamedTuple
 from sim_core.errors import SimError
 from sim_core.gaits.climb_limits import load_climbs, usual_deg
 from sim_core.gaits.library import Gait, Library
-from sim_core.gaits.success_probability import Odds
+from sim_core.gaits.success_probability import SuccessCounts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.planning.floor_planner import Floor, Stance, Way
 from sim_core.planning.travel_learning import Experience
-from sim_core.structure.topology import NEIGHBOURS
 
-Key = tuple[str, str, str]
-"""Primitive, source, target."""
-PAIRS_BOTH_WAYS = tuple((source, target) for source, targets in NEIGHBOURS.items() for target in targets)
 MOST_MISSES = 10
 """So many rolls in a row that end elsewhere are enough."""
-LEAST_ODDS, PATIENCE = 0.01, 3
+LEAST_PROBABILITY, PATIENCE = 0.01, 3
 """A roll that is believed less than this is not worth the actuators' wear, after so many in a row that ended elsewhere."""
 EVERY_GAIT_ALIKE, A_TRIFLE = 0.9, 1e-6
-"""Odds of every gait where odds are ignored, for comparison; and by how much less, each time that its primitive was tried."""
+"""Probability of every gait where all are alike, for comparison; and by how much less for each trial of its primitive."""
 
 
-class Rules(NamedTuple):
+class TravelRules(NamedTuple):
     """When a travel ends.
 
     Attributes:
         reach_m: distance from the goal that counts as there.
         most_rolls: after which it is given up.
-        use_odds: gaits differ in reliability, and what misses here is believed less; False: they are all alike, for comparison.
+        use_probabilities: gaits differ in reliability, and what misses is believed less; False: all are alike, for comparison.
     """
 
     reach_m: float
     most_rolls: int
-    use_odds: bool = True
+    use_probabilities: bool = True
 
 
 class Step(NamedTuple):
@@ -47,7 +43,7 @@ class Step(NamedTuple):
     way: Way
 
 
-class End(NamedTuple):
+class JourneyEnd(NamedTuple):
     """The travel is over; `reason`: for people."""
 
     success: bool
@@ -60,7 +56,7 @@ class _Alike:
     def __init__(self, tried: Counter[str]):
         self._tried = tried
 
-    def of(self, gait: Gait) -> float:
+    def probability(self, gait: Gait) -> float:
         return EVERY_GAIT_ALIKE * (1.0 - A_TRIFLE * self._tried[gait.primitive.name])
 
 
@@ -76,13 +72,17 @@ class Journey:
         straight_m: from the goal at the beginning.
     """
 
-    def __init__(self, floor: Floor, library: Library, odds: Odds | None, goal_m: tuple[float, float], rules: Rules):
+    def __init__(
+        self, floor: Floor, library: Library, counts: SuccessCounts | None, goal_m: tuple[float, float], rules: TravelRules
+    ):
         self._floor, self._library, self._goal_m, self._rules = floor, library, goal_m, rules
-        known, climbs = FaceGraph(library, odds), load_climbs(library)
-        choices = [choice for pair in PAIRS_BOTH_WAYS for choice in known.choices(*pair)]
-        before = {key_of(gait): likely if climbs is None else likely * climbs.on_level(gait) for gait, likely in choices}
+        known, climbs = FaceGraph(library, counts), load_climbs(library)
+
+        def before(gait: Gait) -> float:
+            return known.probability(gait) * (1.0 if climbs is None else climbs.on_level(gait))
+
         self._climbs_deg = usual_deg if climbs is None else climbs.of
-        self._experience = Experience(lambda gait: before[key_of(gait)], self._climbs_deg)
+        self._experience = Experience(before, self._climbs_deg)
         self._tried: Counter[str] = Counter()
         self._graph = self._believed()
         self._vain = 0
@@ -97,7 +97,7 @@ class Journey:
         """Distance from the goal, where the robot was seen last."""
         return self._stance.distance_m(self._goal_m) if self._stance is not None else 0.0
 
-    def look(self, stance: Stance) -> Step | End:
+    def look(self, stance: Stance) -> Step | JourneyEnd:
         """What to do from where the robot rests now."""
         if self._stance is None:
             self.straight_m = stance.distance_m(self._goal_m)
@@ -108,20 +108,22 @@ class Journey:
             self.faces.append(stance.face)
         left = f"{100 * self.left_m:.0f} cm from the goal"
         if self.left_m <= self._rules.reach_m:
-            return End(True, f"rests on {stance.face}, {left}")
+            return JourneyEnd(True, f"rests on {stance.face}, {left}")
         if self.rolls + self.refused >= self._rules.most_rolls:
-            return End(False, f"gave up after {self.rolls} rolls, {left}: the most that was asked for (most_rolls)")
+            return JourneyEnd(False, f"gave up after {self.rolls} rolls, {left}: the most that was asked for (most_rolls)")
         if self._vain >= MOST_MISSES:
-            return End(False, f"gave up {left}: the last {self._vain} rolls missed their face or were refused as too unlikely")
+            return JourneyEnd(
+                False, f"gave up {left}: the last {self._vain} rolls missed their face or were refused as too unlikely"
+            )
         try:
             lean = self._experience.lean
             way = self._floor.way(stance, self._goal_m, self._graph, self._rules.reach_m, lean, self._climbs_deg)
         except SimError as error:
-            return End(False, f"gave up {left}: {error}")
+            return JourneyEnd(False, f"gave up {left}: {error}")
         if not way.choices:
-            return End(False, f"gave up {left}: no sequence of rolls comes nearer")
-        if way.choices[0].odds < LEAST_ODDS and self._vain >= PATIENCE:
-            return End(False, f"gave up {left}: after {self._vain} vain tries no roll is left that is likely to work")
+            return JourneyEnd(False, f"gave up {left}: no sequence of rolls comes nearer")
+        if way.choices[0].probability < LEAST_PROBABILITY and self._vain >= PATIENCE:
+            return JourneyEnd(False, f"gave up {left}: after {self._vain} vain tries no roll is left that is likely to work")
         return Step(way.choices[0].gait, way)
 
     def rolled(self, step: Step, success: bool) -> None:
@@ -137,15 +139,10 @@ class Journey:
 
     def _learn(self, step: Step, success: bool) -> None:
         self._tried[step.gait.primitive.name] += 1
-        if self._rules.use_odds:
+        if self._rules.use_probabilities:
             self._experience.add(step.gait, self._floor.heading_rad(step.way.stances[0], step.gait.target), success)
         self._vain = 0 if success else self._vain + 1
         self._graph = self._believed()
 
     def _believed(self) -> FaceGraph:
-        return FaceGraph(self._library, self._experience if self._rules.use_odds else _Alike(self._tried))
-
-
-def key_of(gait: Gait) -> Key:
-    """A gait's name in tables."""
-    return gait.primitive.name, gait.source, gait.target
+        return FaceGraph(self._library, self._experience if self._rules.use_probabilities else _Alike(self._tried))

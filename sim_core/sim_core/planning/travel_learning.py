@@ -3,7 +3,7 @@
 
 A mixed logistic regression, fitted anew after every roll (its posterior mode; Breslow and Clayton 1993):
 
-    logit p = logit(odds known before) + a + b_primitive + c_roll + d_gait + lean · u / s_primitive
+    logit p = logit(probability known before) + a + b_primitive + c_roll + d_gait + lean · u / s_primitive
 
 u is the unit vector, on the floor, of the roll's heading, and s how steep the primitive climbs (`sim_core.gaits.climb_limits`): on
 a slope, gaits that climb little fail first, and those that climb steeply last. So one miss uphill makes all rolls uphill less
@@ -30,7 +30,7 @@ SPREAD_LEAN = 8.0
 """Likewise of each component of the lean, in logits × degrees: 4 logits, from sure to a coin's toss where a gait climbs just so
 much, × an incline of 2 degrees."""
 LEAST_SURE, MOST_SURE = 0.1, 0.98
-"""Odds before the first roll are not taken for less or more than this: they are of other robots, on other ground."""
+"""Probabilities before the first roll are not taken for less or more than this: they are of other robots, on other ground."""
 ITERATIONS = 30
 STEP = 4.0
 """Longest Newton step, in logits."""
@@ -45,7 +45,7 @@ class Experience:
     """
 
     def __init__(self, known: Callable[[Gait], float], climbs_deg: Callable[[Gait], float] = usual_deg):
-        """Args: known: odds of a gait before the travel. climbs_deg: how steep it climbs."""
+        """Args: known: probability of a gait before the travel. climbs_deg: how steep it climbs."""
         self._known, self._climbs_deg = known, climbs_deg
         self._effects: dict[Name, float] = {}
         self._rolls: list[tuple[Gait, float, bool]] = []
@@ -56,8 +56,8 @@ class Experience:
         self._rolls.append((gait, heading_rad, success))
         self._fit()
 
-    def of(self, gait: Gait) -> float:
-        """Odds of a gait on level ground, by what is known now."""
+    def probability(self, gait: Gait) -> float:
+        """That a gait works on level ground, by what is known now."""
         return float(expit(_logit(self._known(gait)) + sum(self._effects.get(name, 0.0) for name in _names(gait))))
 
     def _fit(self) -> None:
@@ -90,9 +90,9 @@ def _mode(design: Array, offset: Array, won: Array, spread: Array) -> Array:
     """Posterior mode of the effects by Newton's method; the posterior is log-concave."""
     effects = np.zeros(len(spread))
     for _ in range(ITERATIONS):
-        odds = expit(offset + design @ effects)
-        slope = design.T @ (won - odds) - effects / spread**2
-        bend = (design.T * (odds * (1.0 - odds))) @ design + np.diag(spread**-2.0)
+        p = expit(offset + design @ effects)
+        slope = design.T @ (won - p) - effects / spread**2
+        bend = (design.T * (p * (1.0 - p))) @ design + np.diag(spread**-2.0)
         step = np.linalg.solve(bend, slope)
         step *= min(1.0, STEP / max(1e-12, float(np.abs(step).max())))
         effects += step
@@ -101,5 +101,5 @@ def _mode(design: Array, offset: Array, won: Array, spread: Array) -> Array:
     return effects
 
 
-def _logit(odds: float) -> float:
-    return float(logit(min(MOST_SURE, max(LEAST_SURE, odds))))
+def _logit(probability: float) -> float:
+    return float(logit(min(MOST_SURE, max(LEAST_SURE, probability))))

@@ -7,18 +7,19 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.support import FACE_NAMES, Footing, footing_of
+from sim_core.rolling import quasi_static as q
 from sim_core.rolling import roll_monitor as w
-from sim_core.rolling.quasi_static import RESIDUAL
 from sim_core.rolling.roll_monitor import SAMPLE_S
-from sim_core.rolling.roll_stepper import RollStepper
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import PREVIOUS
-from sim_core.structure.policy import Policy, checked_policy, lengths_of
+from sim_core.structure.policy import Policy, checked_policy, lengths_of, neutral_lengths
 from sim_core.structure.rotations import down_of
-from sim_core.structure.topology import FACES, NEIGHBOURS, TENDON_LENGTH, require_adjacent
+from sim_core.structure.topology import FACES, NEIGHBOURS, TENDON_LENGTH, require_adjacent, require_face
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def sample(robot: Robot) -> Sample:
 def roll(
     model: Model,
     source: str,
-    target: str,
+    target: str | None,
     policy: Sequence[float],
     *,
     start: Robot | None = None,
@@ -95,7 +96,7 @@ def roll(
     Args:
         model: the robot's model.
         source: the face it stands on.
-        target: the wanted face, a neighbour of it.
+        target: the wanted face, a neighbour of it; None: whatever it lands on.
         policy: six strokes, whole mm, for this very pair (not for the reference pair).
         start: a robot resting on `source` at neutral lengths (changed in place); default: settled afresh.
         trace: filled with samples every 10 ms if given.
@@ -103,25 +104,31 @@ def roll(
     Raises:
         UnknownFaceError, NotAdjacentError, PolicyError, DivergedError.
     """
-    require_adjacent(source, target)
+    if target is None:
+        require_face(source)
+    else:
+        require_adjacent(source, target)
     checked = checked_policy(policy, model.prototype.policy_limit_mm)
     robot = start if start is not None else Robot.resting_on(model, source)
-    return follow_policy(robot, source, target, checked, trace)
-
-
-def follow_policy(robot: Robot, source: str, target: str | None, policy: Policy, trace: list[Sample] | None = None) -> RollResult:
-    """`roll` without its checks; with target None the roll is judged against the face it lands on."""
-    model = robot.model
-    rules = rules_of(model)
-    chunk = samples_of(model, SAMPLE_S)
+    (state, work), struts, static = robot.arrays(), model.layout.struts, model.kind == PREVIOUS
+    rules, chunk, tolerance = rules_of(model), samples_of(model, SAMPLE_S), tolerance_of(model)
+    record, track = np.zeros(w.RECORD), np.zeros(q.TRACK_ROWS)
     aim = -1 if target is None else face_number(target)
-    stepper = RollStepper(robot, rules, face_number(source), aim, tolerance_of(model))
-    robot.set_targets(lengths_of(model.prototype, policy))
-    while stepper.going_on:
-        stepper.step(chunk)
+    w.begin(state, work, record, rules, struts, face_number(source), aim, model.rest_lengths(neutral_lengths(model.prototype)))
+    robot.set_targets(lengths_of(model.prototype, checked))
+    if static:
+        q.step_lengths(state, struts)
+    while record[w.PHASE] <= w.RETURNING:
+        if static:
+            q.relax(state, model.par, work, track, model.assembly, model.dt_s, model.reach_m, q.LOOK_STEPS)
+            robot.step += q.LOOK_STEPS
+            q.look(state, work, track, record, rules, struts, tolerance)
+        else:
+            robot.advance(chunk)
+            w.look(state, work, record, rules, struts)
         if trace is not None:
             trace.append(sample(robot))
-    return result_of(model, source, policy, stepper.record, robot.peak_forces_n(), robot.center_of_mass_m())
+    return result_of(model, source, checked, record, robot.peak_forces_n(), robot.center_of_mass_m())
 
 
 def rules_of(model: Model) -> w.Rules:
@@ -146,7 +153,7 @@ def tolerance_of(model: Model) -> float:
     p = model.prototype
     ideal_m = TENDON_LENGTH * p.strut_length_m
     pretension = p.tendon_stiffness_n_m * ideal_m * (1.0 - 1.0 / p.tendon_stretch)
-    return float((RESIDUAL * pretension) ** 2)
+    return float((q.RESIDUAL * pretension) ** 2)
 
 
 def samples_of(model: Model, seconds: float) -> int:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Compiles every kernel once, into numba's cache (see `dynamics.jit_cache`): `python -m sim_core.rolling.warm_up`.
 
-How compiled code is found again: its folder is named by the sources of this package; in it, numba keys a function by its file's
+How compiled code is found again: its folder is named by the sources of the kernels; in it, numba keys a function by its file's
 time of change, the types of its arguments, and the versions of numba and Python and the processor.
 """
 
@@ -22,7 +22,7 @@ from numba.core import event
 from sim_core.dynamics.jit_cache import use_own_folder
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
-from sim_core.structure.elements import PREVIOUS
+from sim_core.structure.elements import KINDS
 from sim_core.structure.parameters import load_prototype
 
 
@@ -50,7 +50,7 @@ Report = Callable[[str, int], None]
 
 
 def is_warm(stages: Sequence[Stage] = (Stage.ROBOT,)) -> bool:
-    """Whether `warm_up` was here with these very sources, on this processor, with these versions."""
+    """Whether `warm_up` was here with these very kernels, on this processor, with these versions."""
     return all(_mark(stage).exists() for stage in stages)
 
 
@@ -60,7 +60,7 @@ def warm_up(stages: Sequence[Stage] = ALL, report: Report = lambda name, count: 
     with event.install_listener("numba:compile", watch):
         for stage in stages:
             watch.stage = stage
-            _RUN[stage]()
+            _run(stage)
             mark = _mark(stage)
             mark.parent.mkdir(parents=True, exist_ok=True)
             mark.touch()
@@ -72,27 +72,22 @@ def _mark(stage: Stage) -> Path:
     return use_own_folder() / f"warm-{stage.name.lower()}-{key}"
 
 
-def _robot() -> None:
-    robot = Robot.resting_on(build_model(load_prototype()), "TC6")
-    robot.advance(1)
-    robot.footing()
-    robot.clearance_m()
-
-
-def _roll() -> None:
+def _run(stage: Stage) -> None:
+    from sim_core.rolling.batch import Batch, Job
     from sim_core.rolling.roll import roll
 
-    for model in (build_model(load_prototype()), build_model(load_prototype(), kind=PREVIOUS)):
-        roll(model, "TC6", "TO5", (0,) * 6)
-
-
-def _batch() -> None:
-    from sim_core.rolling.batch import Batch, Job
-
-    Batch([build_model(load_prototype())], 1).run([Job(0, "TC6", (0,) * 6)])
-
-
-_RUN: dict[Stage, Callable[[], None]] = {Stage.ROBOT: _robot, Stage.ROLL: _roll, Stage.BATCH: _batch}
+    model = build_model(load_prototype())
+    match stage:
+        case Stage.ROBOT:
+            robot = Robot.resting_on(model, "TC6")
+            robot.advance(1)
+            robot.footing()
+            robot.clearance_m()
+        case Stage.ROLL:
+            for kind in KINDS:
+                roll(build_model(load_prototype(), kind=kind), "TC6", "TO5", (0,) * 6)
+        case Stage.BATCH:
+            Batch([model], 1).run([Job(0, "TC6", (0,) * 6)])
 
 
 class _Watch(event.Listener):

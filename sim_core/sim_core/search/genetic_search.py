@@ -13,6 +13,7 @@ hence our own.)
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, NamedTuple
@@ -31,7 +32,7 @@ from sim_core.structure.elements import IMPROVED, KINDS
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import Policy, checked_policy
 from sim_core.structure.symmetry import CLASSES, RollClass, carrier
-from sim_core.studies.tasks import Chunk, Robot, Runner, Trials, cost_of, run_here
+from sim_core.studies.tasks import Chunk, Runner, Trials, WhichRobot, joined, run_here
 
 CHUNK_JOBS = 256
 """About how many rolls make a chunk: independent of the workers."""
@@ -91,11 +92,10 @@ class SearchPlan:
             if getattr(self, name) < 1:
                 raise ParameterError(f"{name} {getattr(self, name)}: valid is a whole number of 1 or more")
 
-    @property
-    def words(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """The plan, for a library's provenance."""
         plain = asdict(replace(self, training=(), choice=()))
-        plain |= {key: [training.words for training in getattr(self, key)] for key in ("training", "choice")}
+        plain |= {key: [training.as_dict() for training in getattr(self, key)] for key in ("training", "choice")}
         return plain | {"classes": list(self.classes)}
 
 
@@ -129,9 +129,9 @@ class Search:
     """
 
     def __init__(self, prototype: Prototype, plan: SearchPlan, runner: Runner = run_here, state: Mapping[str, Any] | None = None):
-        """Args: state: what an earlier one's `state` gave. Raises ParameterError if that belongs to another search."""
+        """From the beginning, or from what an earlier one's `state` gave. Raises ParameterError: that belongs to another search."""
         self.prototype, self.plan, self._run = prototype, plan, runner
-        self._identity = {"plan": _plain(plan.words), "model_hash": build_model(prototype, kind=plan.kind).hash}
+        self._identity = {"plan": json.loads(json.dumps(plan.as_dict())), "model_hash": build_model(prototype, kind=plan.kind).hash}
         self._classes = {name: CLASSES[name] for name in plan.classes}
         most = plan.keep * (plan.spare + 1)
         self.generation, self.rolled, self.trained = 0, 0, 0
@@ -223,7 +223,7 @@ class Search:
         provenance = {
             "how": "genetic search over whole-mm policies; feasible on the nominal model"
             + (", ranked by success on training prototypes" if self.plan.training else ", ranked by margins, gentleness and time"),
-            "plan": self.plan.words,
+            "plan": self.plan.as_dict(),
             "generations": self.generation,
             "nominal_rolls": self.rolled,
             "training_trials": self.trained,
@@ -238,7 +238,7 @@ class Search:
             found[offspring(rng, elites, limit, self.plan.active)] = None
         return list(found)
 
-    def _rolled(self, work: Sequence[tuple[Job, Robot]]) -> Trials:
+    def _rolled(self, work: Sequence[tuple[Job, WhichRobot]]) -> Trials:
         """Trials of jobs, each on its own robot, in the work's order; jobs' model numbers are set here."""
         draws = tuple(dict.fromkeys(draw for _, draw in work))
         number = {draw: i for i, draw in enumerate(draws)}
@@ -313,14 +313,7 @@ def search(
     report: Callable[[Search], None] = lambda _: None,
     state: Mapping[str, Any] | None = None,
 ) -> Library:
-    """Search from the beginning, or from a state, to the end.
-
-    Args:
-        prototype: the nominal prototype.
-        plan: what is searched, and for how long.
-        runner: runs the chunks: here, or on a cluster.
-        report: called with the search after every generation, e.g. to keep its `state`.
-        state: of an earlier search; None: from the beginning.
+    """Search from the beginning, or from an earlier search's state, to the end; `report` gets the search after every generation.
 
     Raises:
         ParameterError: a state of another search.
@@ -330,15 +323,6 @@ def search(
         running.step()
         report(running)
     return running.library()
-
-
-def joined(parts: Sequence[Trials]) -> Trials:
-    """The trials of several chunks as one."""
-    columns: dict[str, Any] = {}
-    for field in Trials._fields[:-1]:
-        values = [getattr(part, field) for part in parts]
-        columns[field] = np.concatenate(values) if isinstance(values[0], np.ndarray) else tuple(v for row in values for v in row)
-    return Trials(**columns, cost=cost_of(parts))
 
 
 def _margins(trials: Trials, row: int) -> dict[str, float]:
@@ -358,12 +342,3 @@ def _for_reference(policy: Policy, source: str, target: str) -> Policy:
     """The policy of the reference pair whose relabelling to (source, target) is `policy`."""
     struts = carrier(source, target).struts
     return checked_policy([policy[struts[s]] for s in range(6)], 10_000)
-
-
-def _plain(value: Any) -> Any:
-    """As it comes back from JSON."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [_plain(item) for item in value]
-    return value

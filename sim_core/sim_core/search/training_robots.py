@@ -9,7 +9,7 @@ from sim_core.rolling.batch import Job
 from sim_core.structure.policy import Policy, checked_policy
 from sim_core.structure.symmetry import RollClass, carrier, rolls_of
 from sim_core.structure.topology import PAIRS
-from sim_core.studies.tasks import Draw, Robot
+from sim_core.studies.tasks import Draw, WhichRobot
 from sim_core.uncertainty.distribution import Law
 from sim_core.uncertainty.ensemble import Posterior
 
@@ -17,7 +17,7 @@ from sim_core.uncertainty.ensemble import Posterior
 class Try(NamedTuple):
     """A robot to try a policy on, and with which of its class's 24 gaits; None: the reference gait."""
 
-    robot: Robot
+    robot: WhichRobot
     gait: int | None = None
 
     def job(self, rolls: RollClass, policy: Policy) -> Job:
@@ -40,10 +40,9 @@ class Training(NamedTuple):
         """The reference gait on each: their law is symmetric, so it stands for all 24."""
         return tuple(Try(Draw(self.law, self.seed, number)) for number in range(self.prototypes))
 
-    @property
-    def words(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """For a library's provenance."""
-        return {"law": self.law.words, "prototypes": self.prototypes, "seed": self.seed}
+        return {"law": self.law.text, "prototypes": self.prototypes, "seed": self.seed}
 
 
 class FittedTraining(NamedTuple):
@@ -59,7 +58,6 @@ class FittedTraining(NamedTuple):
         members = self.posterior.drawn(self.prototypes, self.seed)
         return tuple(Try(member, number % len(PAIRS)) for number, member in enumerate(members))
 
-    @property
-    def words(self) -> dict[str, Any]:
+    def as_dict(self) -> dict[str, Any]:
         """For a library's provenance."""
-        return {"law": self.posterior.words, "prototypes": self.prototypes, "seed": self.seed}
+        return {"law": self.posterior.text, "prototypes": self.prototypes, "seed": self.seed}

@@ -31,14 +31,7 @@ def stranger(rng: np.random.Generator, limit_mm: int, active: int) -> Policy:
 
 
 def offspring(rng: np.random.Generator, elites: Sequence[Candidate], limit_mm: int, active: int) -> Policy:
-    """One policy bred from elites (best first), or a stranger.
-
-    Args:
-        rng: what it draws from.
-        elites: best first.
-        limit_mm: largest stroke.
-        active: struts that may move at all; the smallest strokes of a policy with more are left out.
-    """
+    """One policy bred from elites (best first), or a stranger; of more than `active` strokes the smallest are left out."""
     if len(elites) < ENOUGH or rng.random() < STRANGERS:
         return stranger(rng, limit_mm, active)
     genes = np.array(_parent(rng, elites).policy)

@@ -57,24 +57,10 @@ def _element(matrix: NDArray[np.float64]) -> Element:
     return Element(matrix, nodes, struts, bool(np.linalg.det(matrix) > 0))
 
 
-def _group() -> tuple[Element, ...]:
-    shifts = [np.roll(np.eye(3), shift, axis=0) for shift in range(3)]
-    return tuple(_element(np.diag(signs) @ shift) for shift in shifts for signs in product((1.0, -1.0), repeat=3))
-
-
-GROUP = _group()
+_SHIFTS = [np.roll(np.eye(3), shift, axis=0) for shift in range(3)]
+GROUP = tuple(_element(np.diag(signs) @ shift) for shift in _SHIFTS for signs in product((1.0, -1.0), repeat=3))
 """The 24 elements; the first is the identity."""
-
-
-def _carriers() -> dict[tuple[str, str], Element]:
-    carriers: dict[tuple[str, str], Element] = {}
-    for element in GROUP:
-        carriers[element.face(REFERENCE_TC), element.face(REFERENCE_TO)] = element
-    assert len(carriers) == len(PAIRS), "each adjacent pair has exactly one carrier"
-    return carriers
-
-
-CARRIERS = _carriers()
+CARRIERS = {(element.face(REFERENCE_TC), element.face(REFERENCE_TO)): element for element in GROUP}
 """(TC, TO) -> the one element that carries the reference pair there."""
 
 

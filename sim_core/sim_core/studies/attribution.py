@@ -20,7 +20,7 @@ from sim_core.rolling.batch import Job
 from sim_core.structure.elements import IMPROVED
 from sim_core.structure.parameters import Prototype
 from sim_core.studies.robustness import CHUNK_JOBS, Study
-from sim_core.studies.tasks import Chunk, Cost, Draw, Report, Runner, cost_of, run_here, silent
+from sim_core.studies.tasks import Chunk, Cost, Draw, Reporter, Runner, joined, run_here, silent
 from sim_core.uncertainty.distribution import Law
 
 NOMINAL = "none (fails on the nominal robot)"
@@ -96,18 +96,12 @@ def attribute(
     study: Study,
     limit: int,
     runner: Runner = run_here,
-    report: Report = silent,
+    report: Reporter = silent,
     kind: str = IMPROVED,
 ) -> Attribution:
     """Try failed trials again, without each of the law's uncertainties and with each alone.
 
-    Args:
-        prototype: the nominal prototype.
-        study: the trials, with their failures.
-        limit: at most so many failures, drawn from all with the study's seed.
-        runner: runs the chunks: here, or on a cluster.
-        report: called with (done, total).
-        kind: IMPROVED or PREVIOUS.
+    At most `limit` of all failures, drawn with the study's seed. `report` gets (rolls done, rolls in all).
     """
     failed = np.argwhere(~study.feasible)
     chosen = failed
@@ -118,10 +112,10 @@ def attribute(
     if not len(chosen):
         none = np.zeros((0, len(groups)), dtype=np.bool_)
         return Attribution(chosen, len(failed), groups, none, none, np.zeros(0, dtype=np.bool_), Cost())
-    done = runner(_chunks(prototype, study, chosen, kind), report)
-    wins = np.concatenate([trials.feasible for trials in done]).reshape(len(chosen), 2 * len(groups) + 1)
+    trials = joined(runner(_chunks(prototype, study, chosen, kind), report))
+    wins = trials.feasible.reshape(len(chosen), 2 * len(groups) + 1)
     without, alone, nominal = np.split(wins, [len(groups), 2 * len(groups)], axis=1)
-    return Attribution(chosen, len(failed), groups, without, ~alone, ~nominal[:, 0], cost_of(done))
+    return Attribution(chosen, len(failed), groups, without, ~alone, ~nominal[:, 0], trials.cost)
 
 
 def _chunks(prototype: Prototype, study: Study, chosen: NDArray[np.int64], kind: str) -> list[Chunk]:

@@ -81,7 +81,7 @@ class Counts(NamedTuple):
     primitives: int
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """The counts as a sentence."""
         return f"{self.at_100} at 100 %, {self.above_80} above 80 %, {self.at_least_50} at or above 50 %, of {self.primitives}"
 

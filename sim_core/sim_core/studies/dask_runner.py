@@ -14,9 +14,9 @@ from functools import cache, partial
 from itertools import count, islice
 from typing import Any
 
-from sim_core.dynamics import jit_cache
+from sim_core.dynamics.jit_cache import PACKAGE, hash_of_sources
 from sim_core.errors import ClusterError, SimError
-from sim_core.studies.tasks import Chunk, Report, Runner, Trials, jobs_in, run_chunk, run_here, silent
+from sim_core.studies.tasks import Chunk, Reporter, Runner, Trials, jobs_in, run_chunk, run_here, silent
 
 ANSWER_S = 10.0
 WORKERS_S = 60.0
@@ -69,15 +69,9 @@ def connected(scheduler: str) -> Iterator[Any]:
 
 
 def run_on(
-    client: Any, chunks: Sequence[Chunk], report: Report = silent, work: Callable[[Chunk, str], Trials] | None = None
+    client: Any, chunks: Sequence[Chunk], report: Reporter = silent, work: Callable[[Chunk, str], Trials] | None = None
 ) -> list[Trials]:
-    """Run chunks on a cluster; their trials in order.
-
-    Args:
-        client: a `distributed.Client`.
-        chunks: the work.
-        report: called with (done, total).
-        work: what a worker does; default `work_of`.
+    """Run chunks on a cluster by a `distributed.Client`; their trials in order. `work`: what a worker does, default `work_of`.
 
     Raises:
         ClusterError: a chunk that fails (naming why), or that is lost again and again.
@@ -136,4 +130,4 @@ def work_of(chunk: Chunk, sources: str) -> Trials:
 @cache
 def sources_hash() -> str:
     """Identifies all of sim_core that is here, its data included: results are the same where it is."""
-    return jit_cache.sources_hash("**/*.yaml")
+    return hash_of_sources(path for pattern in ("**/*.py", "**/*.yaml") for path in PACKAGE.glob(pattern))

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -22,7 +21,7 @@ from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
 from sim_core.structure.arrays import Array
 from sim_core.structure.policy import Policy
-from sim_core.studies.tasks import Report, silent
+from sim_core.studies.tasks import Reporter, part_of, silent
 from sim_core.uncertainty import importance_weights as bayes
 from sim_core.uncertainty.robot_prior import DIMENSIONS, Member, Prior, headings, member_model
 
@@ -66,20 +65,12 @@ def stood_on_target(result: RollResult) -> bool:
     return result.returned is not None and result.actuated.face == result.returned.face == result.target
 
 
-def _report_on(report: Report, before: int, total: int, done: int, _: int) -> None:
-    report(before + done, total)
-
-
 def wins_of(
-    nominal: Model, members: Sequence[Member], rolls: Sequence[tuple[Roll, bool]], report: Report = silent
+    nominal: Model, members: Sequence[Member], rolls: Sequence[tuple[Roll, bool]], report: Reporter = silent
 ) -> NDArray[np.bool_]:
     """What each member does in each trial, (members, trials).
 
-    Args:
-        nominal: model of the nominal prototype.
-        members: what the robots are.
-        rolls: what is tried, and whether the direction is known. Where it is not, each trial of each member has one of its own.
-        report: called with (done, total).
+    `rolls`: what is tried, and whether the robot's direction is known; else each trial of each member has one of its own.
 
     Raises:
         ModelError: a member that cannot be built.
@@ -99,7 +90,7 @@ def wins_of(
                 roll = rolls[number][0]
                 models.append(_built(nominal, member.turned(float(angle))))
                 jobs.append(Job(len(models) - 1, roll.source, roll.policy, roll.target))
-        results = Batch(models).run(jobs, partial(_report_on, report, at * each, len(members) * each))
+        results = Batch(models).run(jobs, part_of(report, at * each, len(members) * each))
         won = np.array([stood_on_target(result) for result in results]).reshape(len(own), each)
         column = {roll: number for number, roll in enumerate(fixed)}
         for number, (roll, placed) in enumerate(rolls):
@@ -166,7 +157,7 @@ def fit(
     seed: int = 1,
     lapse: float = bayes.LAPSE,
     rounds: int = ROUNDS,
-    report_of: Callable[[int], Report] = lambda number: silent,
+    report_of: Callable[[int], Reporter] = lambda number: silent,
     first_wins: NDArray[np.bool_] | None = None,
 ) -> Fit:
     """Fit an ensemble. The same arguments give the same ensemble.

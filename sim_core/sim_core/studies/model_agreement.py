@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from sim_core.dynamics.model import Model
-from sim_core.errors import LibraryError, SimError, YamlError, brief
-from sim_core.files.yaml_reader import read_yaml
+from sim_core.errors import LibraryError, SimError, brief
+from sim_core.files.yaml_reader import read_yaml_or
 from sim_core.gaits.library import Library, gait_of, parse_library
 from sim_core.rolling.batch import Job, roll_many
 from sim_core.structure.policy import Policy, checked_policy
@@ -67,29 +67,20 @@ def compare(predicted: Sequence[bool], succeeded: Sequence[bool]) -> Agreement:
 def load_gaits(path: Path | str, limit_mm: int, every_gait: bool = False) -> tuple[NamedGait, ...]:
     """Read gaits: a file of `gaits: [{name, from, to, policy_mm}]`, or a primitive library.
 
-    Args:
-        path: of the file.
-        limit_mm: largest stroke, in [mm].
-        every_gait: of a library, all 24 gaits of each primitive; default: the reference pair's.
+    Of a library the reference pair's gaits, or all 24 of each primitive with `every_gait`.
 
     Raises:
         LibraryError: cannot be read; names the row, what was got and what is valid.
     """
-    file = Path(path)
-    try:
-        document = read_yaml(file)
-    except OSError as error:
-        raise LibraryError(f"cannot read gaits {file}: {error.strerror}") from error
-    except YamlError as error:
-        raise LibraryError(str(error)) from error
+    document = read_yaml_or(LibraryError, path, "gaits")
     if isinstance(document, Mapping) and "primitives" in document:
-        return gaits_of(parse_library(document, str(file)), every_gait)
+        return gaits_of(parse_library(document, str(path)), every_gait)
     if not isinstance(document, Mapping) or not isinstance(document.get("gaits"), list):
-        raise LibraryError(f"{file}: valid is a mapping with gaits: [{{name, from, to, policy_mm}}], or a primitive library")
-    return tuple(_gait(file, number, row, limit_mm) for number, row in enumerate(document["gaits"], start=1))
+        raise LibraryError(f"{path}: valid is a mapping with gaits: [{{name, from, to, policy_mm}}], or a primitive library")
+    return tuple(_gait(str(path), number, row, limit_mm) for number, row in enumerate(document["gaits"], start=1))
 
 
-def _gait(file: Path, number: int, row: Any, limit_mm: int) -> NamedGait:
+def _gait(file: str, number: int, row: Any, limit_mm: int) -> NamedGait:
     try:
         source, target, policy = row["from"], row["to"], row["policy_mm"]
         require_adjacent(source, target)

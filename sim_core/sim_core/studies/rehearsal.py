@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rehearsal: a gait on an ensemble of perturbed robots, before the real one moves: the odds, and where it may end."""
+"""Rehearsal: a gait on an ensemble of perturbed robots, before the real one moves: will it work, and where may it end?"""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from sim_core.studies.binomial_intervals import Rate, rate_of
 from sim_core.uncertainty.distribution import Law, sample
 from sim_core.uncertainty.ensemble import Posterior
 
-MEMBERS = 24
+DEFAULT_MEMBERS = 24
 """Robots of an ensemble: three vectors of eight."""
-SEED = 80_001
+DEFAULT_SEED = 80_001
 """Of the default ensemble: neither a training seed nor the held-out one."""
 NO_FACE = "no face"
 
@@ -47,8 +47,8 @@ class Ensemble:
         self,
         model: Model,
         law: Law | Posterior | None = None,
-        members: int = MEMBERS,
-        seed: int = SEED,
+        members: int = DEFAULT_MEMBERS,
+        seed: int = DEFAULT_SEED,
         threads: int | None = None,
     ):
         """Draw the members; default law: ±10 %. Raises ParameterError, ModelError; EnsembleError: fitted to another model."""

@@ -12,14 +12,14 @@ from numpy.typing import NDArray
 
 from sim_core.errors import LibraryError, ParameterError
 from sim_core.gaits.library import Library, Primitive, gait_of
-from sim_core.gaits.success_probability import Odds
+from sim_core.gaits.success_probability import SuccessCounts
 from sim_core.rolling.batch import Job
 from sim_core.structure.elements import IMPROVED
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import checked_policy
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of, rates_along
-from sim_core.studies.tasks import Chunk, Cost, Draw, Report, Runner, Trials, cost_of, run_here, silent
+from sim_core.studies.tasks import Chunk, Cost, Draw, Reporter, Runner, Trials, joined, run_here, silent
 from sim_core.uncertainty.distribution import Law
 
 HELD_OUT_SEED = 90_001
@@ -32,7 +32,7 @@ GAITS = 24
 
 
 @dataclass(frozen=True)
-class Plan:
+class StudyPlan:
     """What to study.
 
     Attributes:
@@ -77,7 +77,7 @@ class Study:
         reason: index into `reasons`; 0 is the empty one.
     """
 
-    plan: Plan
+    plan: StudyPlan
     primitives: tuple[Primitive, ...]
     gaits: tuple[tuple[tuple[str, str], ...], ...]
     feasible: NDArray[np.bool_]
@@ -148,17 +148,17 @@ def gaits_of(primitive: Primitive, one_gait: bool) -> tuple[tuple[str, str], ...
     return ((reference.source, reference.target),) if one_gait else rolls_of(reference)
 
 
-def odds_of(library: Library, study: Study) -> Odds:
+def success_counts_of(library: Library, study: Study) -> SuccessCounts:
     """Every gait's successes in a study of the whole library.
 
     Raises:
         ParameterError: a study of the reference gait alone, or of some primitives only.
     """
     if study.plan.one_gait or len(study.primitives) != len(library.primitives):
-        raise ParameterError("odds need all 24 gaits of every primitive: leave out --one-gait and --quick")
+        raise ParameterError("success counts need all 24 gaits of every primitive: leave out --one-gait and --quick")
     plan = study.plan
     wins = {p.name: tuple(int(won) for won in rows.sum(axis=1)) for p, rows in zip(study.primitives, study.feasible, strict=True)}
-    return Odds(library.hash, f"{plan.law.words}; seed {plan.seed}", plan.prototypes, wins)
+    return SuccessCounts(library.hash, f"{plan.law.text}; seed {plan.seed}", plan.prototypes, wins)
 
 
 def chunk_jobs(rolls: int) -> int:
@@ -167,16 +167,11 @@ def chunk_jobs(rolls: int) -> int:
 
 
 def chunks_of(
-    prototype: Prototype, primitives: Sequence[Primitive], plan: Plan, kind: str = IMPROVED, size: int | None = None
+    prototype: Prototype, primitives: Sequence[Primitive], plan: StudyPlan, kind: str = IMPROVED, size: int | None = None
 ) -> list[Chunk]:
     """The study's work: every chunk some prototypes with all their rolls, prototype by prototype, primitive by primitive.
 
-    Args:
-        prototype: the nominal prototype.
-        primitives: what is tried.
-        plan: the robots and the design of the study.
-        kind: IMPROVED or PREVIOUS.
-        size: rolls of a chunk; default: see `chunk_jobs`.
+    `size`: rolls of a chunk; default: see `chunk_jobs`.
     """
     rolls = []
     for primitive in primitives:
@@ -197,9 +192,9 @@ def chunks_of(
 def study(
     prototype: Prototype,
     primitives: Sequence[Primitive],
-    plan: Plan,
+    plan: StudyPlan,
     runner: Runner = run_here,
-    report: Report = silent,
+    report: Reporter = silent,
     kind: str = IMPROVED,
 ) -> Study:
     """Roll every primitive in its gaits on every prototype.
@@ -211,28 +206,25 @@ def study(
     return assembled(primitives, plan, done)
 
 
-def assembled(primitives: Sequence[Primitive], plan: Plan, done: Sequence[Trials]) -> Study:
+def assembled(primitives: Sequence[Primitive], plan: StudyPlan, done: Sequence[Trials]) -> Study:
     """The trials of a study's chunks, put in order."""
-    gaits, count = plan.shape
+    (gaits, count), trials = plan.shape, joined(done)
 
     def table(column: NDArray[Any]) -> NDArray[Any]:
         return np.ascontiguousarray(np.moveaxis(column.reshape(count, len(primitives), gaits), 0, -1))
 
-    def joined(name: str) -> NDArray[Any]:
-        return table(np.concatenate([getattr(trials, name) for trials in done]))
-
     said: dict[str, int] = {"": 0}
-    reason = np.array([said.setdefault(text, len(said)) for trials in done for text in trials.reason], dtype=np.int32)
+    reason = np.array([said.setdefault(text, len(said)) for text in trials.reason], dtype=np.int32)
     return Study(
         plan,
         tuple(primitives),
         tuple(gaits_of(primitive, plan.one_gait) for primitive in primitives),
-        joined("feasible"),
-        joined("margin_m"),
-        joined("clearance_m"),
-        joined("peak_force_n"),
-        joined("duration_s"),
+        table(trials.feasible),
+        table(trials.margin_m),
+        table(trials.clearance_m),
+        table(trials.peak_force_n),
+        table(trials.duration_s),
         table(reason),
         tuple(said),
-        cost_of(done),
+        trials.cost,
     )

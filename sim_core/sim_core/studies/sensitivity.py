@@ -7,22 +7,22 @@ Computed, not asserted.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from importlib.resources import files
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-import yaml
 
 from sim_core.dynamics.model import build_model
 from sim_core.errors import SimError
-from sim_core.files.yaml_reader import read_yaml
+from sim_core.files.bounded_reader import DATA
+from sim_core.files.yaml_reader import read_yaml, yaml_text
 from sim_core.gaits.library import Library
 from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
 from sim_core.structure.parameters import SPECS, Prototype, with_value
 from sim_core.structure.policy import checked_policy
 
+STORED = DATA / "sensitivity.yaml"
+"""Where the nominal model's influences are kept."""
 STEP = 0.10
 """Relative change of a parameter, to either side."""
 ANGLE_STEP_RAD = 0.02
@@ -113,11 +113,6 @@ def _rolled(prototype: Prototype | None, jobs: list[Job]) -> list[RollResult] | 
         return None
 
 
-def stored_path() -> Path:
-    """Where the nominal model's influences are kept."""
-    return Path(str(files("sim_core") / "data" / "sensitivity.yaml"))
-
-
 def text_of(prototype: Prototype, library: Library, each: int, found: Mapping[str, Influence]) -> str:
     """The YAML of influences, with what they belong to."""
     head = {
@@ -127,7 +122,7 @@ def text_of(prototype: Prototype, library: Library, each: int, found: Mapping[st
         "prototype_hash": prototype.hash,
         "library_hash": library.hash,
     }
-    lines = [yaml.safe_dump(head, sort_keys=False, allow_unicode=True, width=120).rstrip(), "influences:"]
+    lines = [yaml_text(head) + "influences:"]
 
     def shown(value: float | None) -> str:
         return "null" if value is None else str(value)
@@ -138,10 +133,7 @@ def text_of(prototype: Prototype, library: Library, each: int, found: Mapping[st
 
 def stored_influences(prototype: Prototype) -> dict[str, Influence] | None:
     """The stored influences if they were computed for these very numbers, else None."""
-    path = stored_path()
-    if not path.exists():
-        return None
-    document = read_yaml(path)
+    document = read_yaml(STORED)
     if document["prototype_hash"] != prototype.hash:
         return None
     return {name: Influence(row["flips"], row["margin_mm"]) for name, row in document["influences"].items()}

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import chain
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -35,7 +36,7 @@ class Draw(NamedTuple):
     number: int
 
 
-Robot = Draw | Member | None
+WhichRobot = Draw | Member | None
 """Which robot: a perturbed one, one of a fitted ensemble, or the nominal one."""
 
 
@@ -50,7 +51,7 @@ class Chunk:
     """
 
     prototype: Prototype
-    draws: tuple[Robot, ...]
+    draws: tuple[WhichRobot, ...]
     jobs: tuple[Job, ...]
     kind: str = IMPROVED
 
@@ -63,7 +64,7 @@ class Chunk:
 
 
 def _unpacked(
-    prototype: Prototype, draws: tuple[Robot, ...], table: NDArray[np.uint32], rolls: tuple[Any, ...], kind: str
+    prototype: Prototype, draws: tuple[WhichRobot, ...], table: NDArray[np.uint32], rolls: tuple[Any, ...], kind: str
 ) -> Chunk:
     return Chunk(prototype, draws, tuple(Job(model, *rolls[roll]) for model, roll in table.tolist()), kind)
 
@@ -82,15 +83,6 @@ class Cost(NamedTuple):
     core_s: float = 0.0
     build_s: float = 0.0
     trials: int = 0
-
-    def plus(self, other: Cost) -> Cost:
-        """Both together."""
-        return Cost(
-            self.robot_s + other.robot_s,
-            self.core_s + other.core_s,
-            self.build_s + other.build_s,
-            self.trials + other.trials,
-        )
 
 
 class Trials(NamedTuple):
@@ -114,21 +106,26 @@ class Trials(NamedTuple):
     cost: Cost
 
 
-Report = Callable[[int, int], None]
+Reporter = Callable[[int, int], None]
 
 
 def silent(done: int, total: int) -> None:
     """Reports nothing."""
 
 
+def part_of(report: Reporter, before: int, total: int) -> Reporter:
+    """Reports a part of the work that begins after `before` of `total`."""
+    return lambda done, _: report(before + done, total)
+
+
 class Runner(Protocol):
     """Runs chunks; trials in the chunks' order, whatever the number of workers. `report` gets (rolls done, rolls in all)."""
 
-    def __call__(self, chunks: Sequence[Chunk], report: Report = silent) -> list[Trials]:
+    def __call__(self, chunks: Sequence[Chunk], report: Reporter = silent) -> list[Trials]:
         """Run chunks."""
 
 
-def run_chunk(chunk: Chunk, threads: int = 1, report: Report = silent) -> Trials:
+def run_chunk(chunk: Chunk, threads: int = 1, report: Reporter = silent) -> Trials:
     """Build the chunk's prototypes and roll them.
 
     Raises:
@@ -177,12 +174,12 @@ def _nominal(prototype: Prototype, kind: str) -> Model:
 
 
 @lru_cache(maxsize=4)
-def _batch_of(prototype: Prototype, kind: str, draws: tuple[Robot, ...], threads: int) -> Batch:
+def _batch_of(prototype: Prototype, kind: str, draws: tuple[WhichRobot, ...], threads: int) -> Batch:
     """The robots of a chunk, settled on faces as they were needed: a search comes back to the same ones again and again."""
     return Batch(_models_of(_nominal(prototype, kind), draws), threads)
 
 
-def _models_of(nominal: Model, draws: Sequence[Robot]) -> list[Model]:
+def _models_of(nominal: Model, draws: Sequence[WhichRobot]) -> list[Model]:
     models: dict[int, Model] = {number: nominal for number, draw in enumerate(draws) if draw is None}
     models |= {number: member_model(nominal, draw) for number, draw in enumerate(draws) if isinstance(draw, Member)}
     rows: dict[tuple[Law, int], list[int]] = {}
@@ -198,16 +195,12 @@ def _models_of(nominal: Model, draws: Sequence[Robot]) -> list[Model]:
     return [models[number] for number in range(len(draws))]
 
 
-def run_here(chunks: Sequence[Chunk], report: Report = silent) -> list[Trials]:
+def run_here(chunks: Sequence[Chunk], report: Reporter = silent) -> list[Trials]:
     """The runner of this machine: one chunk after the other, each on all cores."""
     threads, total, before = os.cpu_count() or 1, jobs_in(chunks), 0
     done = []
     for chunk in chunks:
-
-        def report_all(now: int, _: int, before: int = before) -> None:
-            report(before + now, total)
-
-        done.append(run_chunk(chunk, threads, report_all))
+        done.append(run_chunk(chunk, threads, part_of(report, before, total)))
         before += len(chunk.jobs)
     return done
 
@@ -222,9 +215,8 @@ def jobs_in(chunks: Iterable[Chunk]) -> int:
     return sum(len(chunk.jobs) for chunk in chunks)
 
 
-def cost_of(trials: Iterable[Trials]) -> Cost:
-    """What all of it took."""
-    total = Cost()
-    for part in trials:
-        total = total.plus(part.cost)
-    return total
+def joined(parts: Sequence[Trials]) -> Trials:
+    """The trials of several chunks as one."""
+    *columns, costs = zip(*parts, strict=True)
+    whole: list[Any] = [np.concatenate(c) if isinstance(c[0], np.ndarray) else tuple(chain(*c)) for c in columns]
+    return Trials._make([*whole, Cost(*map(sum, zip(*costs, strict=True)))])

@@ -143,15 +143,9 @@ class Follower:
     """
 
     def __init__(self, model: Model, face: str = "TC6", parameters: ActuatorParameters | None = None):
-        """A twin resting on `face` until the first event.
+        """A twin resting on `face` until the first event. Raises UnknownFaceError.
 
-        Args:
-            model: the robot's model.
-            face: where it rests.
-            parameters: of its actuators, for a model of a `following` prototype; None: the solver's own, which feel no load.
-
-        Raises:
-            UnknownFaceError.
+        `parameters`: of its actuators, for a model of a `following` prototype; None: the solver's own, which feel no load.
         """
         self.model = model
         self.robot = Robot.resting_on(model, face)

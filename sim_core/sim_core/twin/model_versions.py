@@ -7,18 +7,10 @@ deliberate line in `data/frozen.yaml`, and every library and recorded session ma
 
 from __future__ import annotations
 
-from importlib.resources import files
 from typing import NamedTuple
 
-import numpy as np
-
-from sim_core.dynamics.model import Model
-from sim_core.dynamics.robot import Robot
-from sim_core.files.yaml_reader import parse_yaml
-
-PROBE_M = np.array([0.012, -0.021, -0.008, 0.017, -0.026, 0.005])
-"""Strokes of the probe's motion."""
-PROBE_S = 2.0
+from sim_core.files.bounded_reader import DATA
+from sim_core.files.yaml_reader import read_yaml
 
 
 class Frozen(NamedTuple):
@@ -27,7 +19,7 @@ class Frozen(NamedTuple):
     Attributes:
         version: "v1".
         model_hash: of its elements: every number.
-        motion: `motion_of` it, which holds the solver's arithmetic as well.
+        motion: digest of its state after a certain motion, which holds the solver's arithmetic as well; its test makes it.
     """
 
     version: str
@@ -37,16 +29,8 @@ class Frozen(NamedTuple):
 
 def frozen_models() -> tuple[Frozen, ...]:
     """All versions, oldest first."""
-    document = parse_yaml((files("sim_core") / "data" / "frozen.yaml").read_bytes(), "frozen.yaml")
+    document = read_yaml(DATA / "frozen.yaml")
     return tuple(Frozen(row["version"], row["model_hash"], row["motion"]) for row in document["models"])
-
-
-def motion_of(model: Model) -> str:
-    """Digest of the state after settling on TC6 and moving by PROBE_M for PROBE_S: the same on every x86-64 processor."""
-    robot = Robot.resting_on(model, "TC6")
-    robot.set_targets(model.prototype.strut_length_m + PROBE_M)
-    robot.advance(round(PROBE_S * model.steps_per_second))
-    return robot.digest()[:16]
 
 
 def label_of(model_hash: str) -> str:

@@ -22,13 +22,7 @@ class RestWatch:
     """Looks at a robot again and again. At rest: no actuator drives, and every joint has been slow for the hold time."""
 
     def __init__(self, hold_s: float | None = None, sees_drives: bool = True, resting: bool = False) -> None:
-        """Nothing was seen yet.
-
-        Args:
-            hold_s: how long it must be slow; None: the model's.
-            sees_drives: whether actuators that drive are seen.
-            resting: it rests when this begins.
-        """
+        """Nothing was seen yet; `resting`: it rests now. `hold_s`: how long it must be slow; None: the model's."""
         self._hold_s, self._sees_drives = hold_s, sees_drives
         self._quiet_since = -np.inf if resting else None
 

@@ -5,7 +5,7 @@ Every uncertainty is a group of members (48 ropes, six struts, …), each off by
 Members may share a part of their error (ropes of one batch) and the designs of `sampling` may be low-discrepancy. An error belongs
 to (seed, prototype, member): switching a group off leaves all other errors as they are.
 
-`seeded_perturbation.perturb` is the older law of one prototype by seed, for the virtual prototype; the two share no draws.
+`perturb` is an older draw, of one prototype by its seed, for the virtual prototype; the two share no draws.
 """
 
 from __future__ import annotations
@@ -24,27 +24,11 @@ from sim_core.structure.elements import PREVIOUS, Elements
 from sim_core.structure.rotations import rotated
 from sim_core.structure.topology import JOINTS, POINTS_PER_JOINT
 from sim_core.uncertainty.sampling import DESIGNS, INDEPENDENT, correlated, unit_rows
-from sim_core.uncertainty.seeded_perturbation import MAX_SCALE
 
 
-def _ropes(e: Elements, off: Array) -> Elements:
-    return replace(e, cable_stiffness_n_m=e.cable_stiffness_n_m * (1.0 + off))
-
-
-def _rest(e: Elements, off: Array) -> Elements:
-    return replace(e, cable_rest_m=e.cable_rest_m * (1.0 + off))
-
-
-def _mass(e: Elements, off: Array) -> Elements:
-    return replace(e, mass_kg=e.mass_kg * (1.0 + off))
-
-
-def _stroke(e: Elements, off: Array) -> Elements:
-    return replace(e, strut_gain=e.strut_gain * (1.0 + off))
-
-
-def _friction(e: Elements, off: Array) -> Elements:
-    return replace(e, friction=e.friction * (1.0 + off))
+def _factor(name: str) -> Callable[[Elements, Array], Elements]:
+    """Errors as factors on a table of the elements."""
+    return lambda e, off: replace(e, **{name: getattr(e, name) * (1.0 + off)})
 
 
 def _slope(e: Elements, off: Array) -> Elements:
@@ -84,7 +68,6 @@ class Group(NamedTuple):
 
     Attributes:
         width: half range of the error per unit of scale.
-        unit: of the error; "1" is relative.
         what: in words, with its range at scale s.
         members: how many errors a robot has.
         batch: how many of these, from the first, are of one batch and may be correlated.
@@ -93,7 +76,6 @@ class Group(NamedTuple):
     """
 
     width: float
-    unit: str
     what: str
     members: Callable[[Elements], int]
     batch: Callable[[Elements], int]
@@ -105,28 +87,36 @@ def _count(number: int) -> Callable[[Elements], int]:
     return lambda e: number
 
 
+def _ropes(e: Elements) -> int:
+    return len(e.cable_ends)
+
+
+def _masses(e: Elements) -> int:
+    return len(e.mass_kg)
+
+
+def _nodes(e: Elements) -> int:
+    return len(e.mass_kg) - 1
+
+
 AGREED, OURS = "agreed", "stand-in"
 GROUPS: dict[str, Group] = {
-    "stiffness": Group(
-        1.0, "1", "each rope's stiffness ±s", lambda e: len(e.cable_ends), lambda e: len(e.cable_ends), AGREED, _ropes
-    ),
-    "rest_length": Group(
-        0.17, "1", "each rope's rest length ±0.17 s", lambda e: len(e.cable_ends), lambda e: len(e.cable_ends), AGREED, _rest
-    ),
-    "mass": Group(
-        1.0, "1", "each node's and the box's mass ±s", lambda e: len(e.mass_kg), lambda e: len(e.mass_kg) - 1, AGREED, _mass
-    ),
-    "stroke": Group(0.5, "1", "each strut's stroke ±s/2", _count(6), _count(6), AGREED, _stroke),
-    "friction": Group(2.0, "1", "friction ±2 s, both coefficients together", _count(1), _count(0), AGREED, _friction),
-    "slope": Group(0.1, "rad", "slope ±0.1 s rad about each axis", _count(2), _count(0), AGREED, _slope),
+    "stiffness": Group(1.0, "each rope's stiffness ±s", _ropes, _ropes, AGREED, _factor("cable_stiffness_n_m")),
+    "rest_length": Group(0.17, "each rope's rest length ±0.17 s", _ropes, _ropes, AGREED, _factor("cable_rest_m")),
+    "mass": Group(1.0, "each node's and the box's mass ±s", _masses, _nodes, AGREED, _factor("mass_kg")),
+    "stroke": Group(0.5, "each strut's stroke ±s/2", _count(6), _count(6), AGREED, _factor("strut_gain")),
+    "friction": Group(2.0, "friction ±2 s, both coefficients together", _count(1), _count(0), AGREED, _factor("friction")),
+    "slope": Group(0.1, "slope ±0.1 s rad about each axis", _count(2), _count(0), AGREED, _slope),
     "joint_size": Group(
-        1.0, "1", "each joint's rope and contact points ±s from its node", _count(JOINTS), _count(JOINTS), OURS, _joint_size
+        1.0, "each joint's rope and contact points ±s from its node", _count(JOINTS), _count(JOINTS), OURS, _joint_size
     ),
-    "payload": Group(0.05, "m", "the box's centre of mass ±0.05 s m along each of its axes", _count(3), _count(0), OURS, _payload),
+    "payload": Group(0.05, "the box's centre of mass ±0.05 s m along each of its axes", _count(3), _count(0), OURS, _payload),
 }
 """Every uncertainty, all uniform. The order is that of the draws: append, never insert."""
 JUDGED = ("stiffness", "rest_length", "mass", "stroke", "friction")
 """The agreed law of judgement."""
+MAX_SCALE = 0.3
+"""Beyond it some prototypes would need a smaller time step, or have slack ropes."""
 MAX_INCLINE_DEG = 20.0
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 INCLINE_STREAM = 25
@@ -200,7 +190,7 @@ class Law:
         return f"±{100 * self.scale:g} %{groups}{shared}{incline}"
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """The law, for people and for provenance."""
         text = f"uniform at scale s = {self.scale:g}: " + (", ".join(GROUPS[name].what for name in self.groups) or "nothing")
         shared = f"members of a batch correlated by {self.correlation:g}" if self.correlation else "independent"
@@ -276,3 +266,22 @@ def sample(model: Model, law: Law, count: int, seed: int) -> list[Model]:
         ModelError: a prototype that cannot be built, e.g. because its time step would be unstable.
     """
     return sample_at(model, law, seed, range(count))
+
+
+def perturb(model: Model, scale: float, seed: int) -> Model:
+    """A copy of the model with every member of the judged groups off by its own random error; scale 0.1 is ±10 %.
+
+    Same seed and model, same prototype; scale 0 is the model itself.
+
+    Raises:
+        ParameterError: a scale outside [0, MAX_SCALE], or a negative seed.
+    """
+    Law(scale)  # raises
+    if seed < 0:
+        raise ParameterError(f"perturbation seed {seed!r}: valid is a whole number of 0 or more")
+    if scale == 0.0:
+        return model
+    rng, elements = np.random.default_rng(seed), model.elements
+    for group in (GROUPS[name] for name in JUDGED):
+        elements = group.apply(elements, group.width * scale * rng.uniform(-1.0, 1.0, group.members(elements)))
+    return build_model(model.prototype, elements)

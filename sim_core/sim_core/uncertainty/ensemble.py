@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import yaml
 
 from sim_core.dynamics.model import Model
-from sim_core.errors import SimError, YamlError, brief
-from sim_core.files.yaml_reader import read_yaml
+from sim_core.errors import SimError, brief
+from sim_core.files.yaml_reader import read_yaml_or, yaml_text
 from sim_core.printable import printable
 from sim_core.structure.arrays import Array
 from sim_core.uncertainty.importance_weights import effective_size, systematic
@@ -53,7 +52,7 @@ class Posterior:
     weights: Array
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """What the members are, in one line."""
         virtual = "virtual trials" if self.provenance.get("virtual") else "trials"
         size = f"effective size {effective_size(self.weights):.1f}"
@@ -61,8 +60,8 @@ class Posterior:
 
     @property
     def brief(self) -> str:
-        """As `words`."""
-        return self.words
+        """As `text`."""
+        return self.text
 
     def drawn(self, count: int, seed: int) -> tuple[Member, ...]:
         """Members drawn by weight, equally heavy; heavy ones come several times. Raises EnsembleError: none asked for."""
@@ -96,7 +95,7 @@ def posterior_text(posterior: Posterior) -> str:
         "noise": posterior.noise,
         "columns": list(COLUMNS),
     }
-    lines = [yaml.safe_dump(head, sort_keys=False, allow_unicode=True, width=120).rstrip(), "members:"]
+    lines = [yaml_text(head) + "members:"]
     for weight, member in zip(posterior.weights, posterior.members, strict=True):
         cells = [f"{value:.{DIGITS}g}" for value in (weight, *member.parameters)]
         lines.append(f"- [{', '.join([*cells, str(member.seed), str(member.number)])}]")
@@ -109,12 +108,7 @@ def load_posterior(path: Path | str) -> Posterior:
     Raises:
         EnsembleError: cannot be read, or is none; says what was got and what is valid.
     """
-    try:
-        document: Any = read_yaml(path)
-    except OSError as error:
-        raise EnsembleError(f"cannot read ensemble {path}: {error.strerror}; {HINT}") from error
-    except YamlError as error:
-        raise EnsembleError(f"{error}; {HINT}") from error
+    document = read_yaml_or(EnsembleError, path, "ensemble", f"; {HINT}")
     if not isinstance(document, Mapping) or document.get("schema") != SCHEMA or document.get("columns") != list(COLUMNS):
         raise EnsembleError(f"{path} is not an ensemble of this version: valid is a mapping with schema: {SCHEMA}; {HINT}")
     try:

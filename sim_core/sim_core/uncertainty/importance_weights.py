@@ -54,12 +54,7 @@ class Kernel(NamedTuple):
 
 
 def log_likelihood(wins: NDArray[np.bool_], observed: NDArray[np.bool_], lapse: float = LAPSE) -> Array:
-    """Logarithm of each member's likelihood, (members,).
-
-    Args:
-        wins: (members, trials) what each member does.
-        observed: (trials,) what was seen.
-        lapse: ε.
+    """Logarithm of each member's likelihood, (members,), from what members do (members, trials) and what was seen (trials,).
 
     Raises:
         SimError: a lapse rate outside (0, 0.5), or shapes that do not fit.
@@ -71,8 +66,7 @@ def log_likelihood(wins: NDArray[np.bool_], observed: NDArray[np.bool_], lapse: 
             f"outcomes of shape {observed.shape} for members' of shape {wins.shape}: valid are (trials,), (members, trials)"
         )
     told = wins == observed
-    found: Array = np.where(told, math.log1p(-lapse), math.log(lapse)).sum(axis=1)
-    return found
+    return np.asarray(np.where(told, math.log1p(-lapse), math.log(lapse)).sum(axis=1))
 
 
 def normalised(log_weights: Array) -> Array:
@@ -86,15 +80,7 @@ def normalised(log_weights: Array) -> Array:
 def softened(wins: NDArray[np.bool_], observed: NDArray[np.bool_], lapse: float, log_base: Array, least: float) -> float:
     """The smallest lapse rate, from `lapse` up to a coin's, whose weights have an effective size of at least `least`.
 
-    Args:
-        wins: (members, trials) what each member does.
-        observed: (trials,) what was seen.
-        lapse: the least ε.
-        log_base: (members,) logarithm of the weights without the trials.
-        least: wanted effective size.
-
-    Returns:
-        `lapse` itself if it will do; nearly ½ if none will.
+    `log_base` (members,): logarithm of the weights without the trials. Nearly ½ if none will do.
     """
 
     def size(rate: float) -> float:
@@ -115,14 +101,10 @@ def effective_size(weights: Array) -> float:
 
 
 def kernel_around(z: Array, weights: Array) -> Kernel:
-    """Smoothed version of weighted members: a mixture of normals.
+    """Smoothed version of weighted members, z (members, d) and weights (members,): a mixture of normals.
 
     Its centres are drawn towards the mean so that its spread is that of the weights (West 1993; Liu and West 2001); it is as wide
     as so few members in so many dimensions ask for (Silverman 1986).
-
-    Args:
-        z: (members, d).
-        weights: (members,), sum 1.
     """
     mean = weights @ z
     off = z - mean
@@ -137,8 +119,7 @@ def drawn_from(kernel: Kernel, count: int, rng: np.random.Generator) -> Array:
     """Points of the mixture, (count, d)."""
     chosen = systematic(kernel.weights, count, rng)
     normal = rng.standard_normal((count, kernel.centres.shape[1]))
-    points: Array = kernel.centres[chosen] + normal @ kernel.root.T
-    return points
+    return np.asarray(kernel.centres[chosen] + normal @ kernel.root.T)
 
 
 def log_ratio(kernel: Kernel, z: Array) -> Array:
@@ -146,24 +127,18 @@ def log_ratio(kernel: Kernel, z: Array) -> Array:
     heavy = kernel.weights > 0.0
     off = np.linalg.solve(kernel.root, (z[:, None, :] - kernel.centres[None, heavy]).reshape(-1, z.shape[1]).T)
     exponents = -0.5 * (off**2).sum(axis=0).reshape(len(z), -1) - np.log(np.diag(kernel.root)).sum()
-    found: Array = logsumexp(exponents + np.log(kernel.weights[heavy]), axis=1) + 0.5 * (z**2).sum(axis=1)
-    return found
+    return np.asarray(logsumexp(exponents + np.log(kernel.weights[heavy]), axis=1) + 0.5 * (z**2).sum(axis=1))
 
 
 def log_weights_of(log_likelihoods: Array, z: Array, first: int, kernels: Sequence[tuple[Kernel, int]]) -> Array:
     """Unnormalised logarithms of the weights of all rounds' members, (members,). See the module.
 
-    Args:
-        log_likelihoods: (members,).
-        z: (members, d).
-        first: how many were drawn from the prior.
-        kernels: the later rounds' kernels, and how many were drawn of each.
+    `first` members z were drawn from the prior, the others, as many as is said, from `kernels`.
     """
     total = first + sum(count for _, count in kernels)
     parts = [np.full(len(z), math.log(first / total))]
     parts += [log_ratio(kernel, z) + math.log(count / total) for kernel, count in kernels]
-    found: Array = log_likelihoods - logsumexp(np.array(parts), axis=0)
-    return found
+    return np.asarray(log_likelihoods - logsumexp(np.array(parts), axis=0))
 
 
 def systematic(weights: Array, count: int, rng: np.random.Generator) -> NDArray[np.intp]:
@@ -172,8 +147,7 @@ def systematic(weights: Array, count: int, rng: np.random.Generator) -> NDArray[
     A member of weight w comes ⌊count w⌋ or ⌈count w⌉ times.
     """
     at = (np.arange(count) + rng.random()) / count
-    found: NDArray[np.intp] = np.minimum(np.searchsorted(np.cumsum(weights), at), len(weights) - 1)
-    return found
+    return np.asarray(np.minimum(np.searchsorted(np.cumsum(weights), at), len(weights) - 1))
 
 
 def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> Array:
@@ -181,50 +155,31 @@ def quantiles(values: Array, weights: Array, shares: Sequence[float]) -> Array:
     order = np.argsort(values, kind="stable")
     below = np.cumsum(weights[order])
     places = np.minimum(np.searchsorted(below, np.asarray(shares) - 1e-12), len(values) - 1)
-    found: Array = values[order][places]
-    return found
+    return np.asarray(values[order][places])
 
 
 def predictive(wins: NDArray[np.bool_], weights: Array, lapse: float = LAPSE) -> Array:
-    """Probability of success of each trial, (trials,): the weighted share of members that succeed, with the lapse rate.
-
-    Args:
-        wins: (members, trials).
-        weights: (members,), sum 1.
-        lapse: lapse rate ε, in (0, 0.5).
-    """
-    found: Array = lapse + (1.0 - 2.0 * lapse) * (weights @ wins)
-    return found
+    """Probability of success of each trial, (trials,): the weighted share of members that succeed, with the lapse rate."""
+    return np.asarray(lapse + (1.0 - 2.0 * lapse) * (weights @ wins))
 
 
 def predictive_without_own(wins: NDArray[np.bool_], weights: Array, own_log_likelihood: Array, lapse: float = LAPSE) -> Array:
     """`predictive` of tried gaits, each by weights that have not seen its own trials: what these say is then counted once.
 
-    Args:
-        wins: (members, gaits).
-        weights: (members,) sum 1.
-        own_log_likelihood: (members, gaits) of each gait's own trials.
-        lapse: lapse rate ε, in (0, 0.5).
+    `own_log_likelihood` (members, gaits): of each gait's own trials.
     """
     log_own = np.log(np.maximum(weights, 1e-300))[:, None] - own_log_likelihood
     each = np.exp(log_own - logsumexp(log_own, axis=0))
-    found: Array = lapse + (1.0 - 2.0 * lapse) * (each * wins).sum(axis=0)
-    return found
+    return np.asarray(lapse + (1.0 - 2.0 * lapse) * (each * wins).sum(axis=0))
 
 
-def log_score(odds: Array, observed: NDArray[np.bool_]) -> float:
+def log_score(probability: Array, observed: NDArray[np.bool_]) -> float:
     """Mean logarithm of the probability given to what happened (Good 1952), in nats: nearer to 0 is better; ln ½ is a coin's."""
-    return float(np.log(np.where(observed, odds, 1.0 - odds)).mean())
+    return float(np.log(np.where(observed, probability, 1.0 - probability)).mean())
 
 
 def beta_mean(prior: float, weight: float, wins: float, trials: float) -> float:
-    """Mean of a Beta posterior: (prior · weight + wins) / (weight + trials).
-
-    Args:
-        prior: mean of the Beta prior.
-        weight: its pseudo-counts, α + β.
-        wins: seen (Bernoulli), or parts of trials.
-        trials: how many, or parts of them.
+    """Mean of a Beta posterior, (prior · weight + wins) / (weight + trials); trials and wins may be parts of trials.
 
     Raises:
         SimError: a prior outside [0, 1], a weight that is not positive, or more wins than trials.

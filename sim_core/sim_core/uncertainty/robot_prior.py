@@ -9,7 +9,7 @@ single ropes and masses are noise (`distribution.Law`): drawn anew for every mem
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -96,18 +96,13 @@ class Prior:
         Law(self.noise)  # raises
 
     @property
-    def words(self) -> str:
+    def text(self) -> str:
         """The prior, for people and for provenance."""
         return (
             f"uniform: friction ±{100 * self.friction:g} %, all ropes' stiffness ±{100 * self.stiffness:g} %, all ropes' rest "
             f"length ±{100 * self.rest_length:g} %, each strut's stroke ±{100 * self.stroke:g} %, ground tilted by "
             f"±{self.slope_deg:g} degrees about each axis; besides, single ropes and masses at scale s = {self.noise:g}"
         )
-
-    @property
-    def plain(self) -> dict[str, float]:
-        """As numbers, for files."""
-        return asdict(self)
 
     def member(self, z: Array, seed: int, number: int) -> Member:
         """The robot at normal scores z, (DIMENSIONS,); the errors of its single members are draw `number` of `seed`."""
@@ -140,5 +135,4 @@ def member_model(nominal: Model, member: Member) -> Model:
 
 def headings(seed: int, number: int, count: int) -> Array:
     """Directions (rad) in which robot `number` stood at each of `count` trials, if nobody knows: uniform, (count,)."""
-    found: Array = np.random.default_rng([seed, number, HEADING_STREAM]).uniform(0.0, 2.0 * math.pi, count)
-    return found
+    return np.asarray(np.random.default_rng([seed, number, HEADING_STREAM]).uniform(0.0, 2.0 * math.pi, count))

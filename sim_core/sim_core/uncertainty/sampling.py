@@ -21,14 +21,8 @@ EDGE = 2.0**-40
 def unit_rows(design: str, dimensions: int, seed: int, indices: Sequence[int]) -> Array:
     """Points `indices` of an endless design in the unit cube, (len(indices), dimensions).
 
-    Every point is a function of (design, dimensions, seed, index) alone, so any worker can draw its own.
-
-    Args:
-        design: INDEPENDENT, or SOBOL: a Sobol sequence with seeded scrambling (Owen 1998; scipy.stats.qmc), which fills the cube
-            more evenly.
-        dimensions: of the cube.
-        seed: of the whole design.
-        indices: which points.
+    Every point is a function of (design, dimensions, seed, index) alone, so any worker can draw its own. SOBOL is a Sobol sequence
+    with seeded scrambling (Owen 1998; scipy.stats.qmc), which fills the cube more evenly.
     """
     if design == INDEPENDENT:
         rows = [np.random.default_rng([index, seed, STREAM]).random(dimensions) for index in indices]
@@ -45,13 +39,6 @@ def unit_rows(design: str, dimensions: int, seed: int, indices: Sequence[int]) -
 
 
 def correlated(own: Array, shared: Array, correlation: float) -> Array:
-    """Uniform variates whose members share a part, by a Gaussian copula: z = √ρ z₀ + √(1 − ρ) zᵢ.
-
-    Args:
-        own: (n, members) uniform.
-        shared: (n,) uniform.
-        correlation: ρ in [0, 1), of the normal variates.
-    """
+    """Uniform variates (n, members) that share (n,) a part, by a Gaussian copula: z = √ρ z₀ + √(1 − ρ) zᵢ, ρ in [0, 1)."""
     z, z0 = (ndtri(np.clip(u, EDGE, 1.0 - EDGE)) for u in (own, shared))
-    mixed: Array = ndtr(np.sqrt(correlation) * z0[:, None] + np.sqrt(1.0 - correlation) * z)
-    return mixed
+    return np.asarray(ndtr(np.sqrt(correlation) * z0[:, None] + np.sqrt(1.0 - correlation) * z))

@@ -19,7 +19,7 @@ from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import checked_policy
 from sim_core.structure.topology import FACES, NEIGHBOURS
-from sim_core.studies.rehearsal import MEMBERS, Ensemble
+from sim_core.studies.rehearsal import DEFAULT_MEMBERS, Ensemble
 from tests.benchmarks.solver.engines import Engine, Moment, SixStrut, Task
 from tests.benchmarks.solver.mujoco_engine import MuJoCo
 
@@ -249,7 +249,7 @@ def rehearsal(prototype: Prototype, threads: int, say: Say) -> Rehearsal:
         began = time.perf_counter()
         ensemble.rehearse([gait])
         times.append(time.perf_counter() - began)
-    return Rehearsal(MEMBERS, threads, len(gaits), float(np.median(times)))
+    return Rehearsal(DEFAULT_MEMBERS, threads, len(gaits), float(np.median(times)))
 
 
 def compared(engine: Engine, rolls: Sequence[RollResult], reference: Engine, others: Sequence[RollResult]) -> Accuracy:

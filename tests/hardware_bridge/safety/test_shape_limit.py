@@ -17,7 +17,7 @@ from hardware_bridge.safety.limit_checks import Rules, check_homing, check_traje
 from hardware_bridge.safety.limits import Limits
 from hardware_bridge.safety.shape_cache import ShapeMemory
 from hardware_bridge.safety.trajectory import Trajectory
-from sim_core.gaits.library import libraries_folder, load_library
+from sim_core.gaits.library import LIBRARIES, load_library
 from sim_core.rolling.shape_check import ShapeJudge, ShapeLimits
 from sim_core.structure.parameters import load_prototype
 from tests.hardware_bridge.helpers import MID, MID_M
@@ -47,7 +47,7 @@ def out(policy_mm: tuple[int, ...]) -> Trajectory:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("library", sorted(path.stem for path in libraries_folder().glob("*.yaml")))
+@pytest.mark.parametrize("library", sorted(path.stem for path in LIBRARIES.glob("*.yaml")))
 def test_every_shipped_policy_is_accepted_and_so_is_the_way_back(judging: Rules, library: str) -> None:
     for primitive in load_library(library).primitives:
         check_trajectory(judging, MID, out(primitive.policy))

@@ -1,51 +1,136 @@
 # SPDX-License-Identifier: Apache-2.0
+import ast
+import os
 import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-import sim_core
+import pytest
+
+from sim_core.dynamics.jit_cache import KERNEL_SOURCES, PACKAGE
 
 
-def folder_of(package_parent):
-    code = "import numba, sim_core.dynamics.support; print(numba.config.CACHE_DIR)"
-    run = subprocess.run(
-        [sys.executable, "-c", code], env={"PYTHONPATH": str(package_parent)}, capture_output=True, text=True, check=True
-    )
-    return run.stdout.strip()
+@pytest.fixture
+def copy(tmp_path):
+    """The package's sources somewhere else."""
+    return shutil.copytree(PACKAGE, tmp_path / "sim_core", ignore=shutil.ignore_patterns("__pycache__"))
 
 
-def test_a_change_in_any_source_gives_compiled_code_a_new_home(tmp_path):
+def told(copy, code):
+    environ = {"PYTHONPATH": str(copy.parent), "PATH": os.environ["PATH"]}
+    return subprocess.run([sys.executable, "-c", code], env=environ, capture_output=True, text=True, check=True).stdout
+
+
+def change(path):
+    path.write_text(path.read_text(encoding="utf-8") + "\n# changed\n", encoding="utf-8")
+
+
+FOLDERS = """
+from sim_core.dynamics.jit_cache import KERNEL_SOURCES, PACKAGE, use_own_folder
+
+def change(path):
+    path.write_text(path.read_text(encoding="utf-8") + "\\n# changed\\n", encoding="utf-8")
+
+print(use_own_folder())
+for path in PACKAGE.rglob("*.py"):
+    if path.relative_to(PACKAGE).as_posix() not in KERNEL_SOURCES:
+        change(path)
+(PACKAGE / "structure" / "new.py").write_text("# new")
+print(use_own_folder())
+for name in KERNEL_SOURCES:
+    change(PACKAGE / name)
+    print(use_own_folder())
+"""
+
+
+def test_a_change_of_what_a_kernel_sees_gives_compiled_code_a_new_home_and_no_other_change_does(copy):
     """A kernel cached in one file must not outlive a change of a function that it calls in another."""
-    copy = tmp_path / "sim_core"
-    shutil.copytree(Path(sim_core.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    before = folder_of(tmp_path)
-    assert folder_of(tmp_path) == before
-    (copy / "dynamics" / "simd.py").write_text((copy / "dynamics" / "simd.py").read_text() + "\n# changed\n")
-    changed = folder_of(tmp_path)
-    assert changed != before
-    (copy / "room").mkdir()
-    (copy / "room" / "deep.py").write_text("# new\n")
-    assert folder_of(tmp_path) not in (before, changed), "sources in a folder count, too"
+    first, others, *each = told(copy, FOLDERS).split()
+    assert Path(first).parent == copy / "__pycache__"
+    assert others == first
+    assert len({first, *each}) == 1 + len(KERNEL_SOURCES)
 
 
-def test_the_hash_of_all_counts_the_data(tmp_path):
-    copy = tmp_path / "sim_core"
-    shutil.copytree(Path(sim_core.__file__).parent, copy, ignore=shutil.ignore_patterns("__pycache__"))
-    code = "from sim_core.dynamics.jit_cache import sources_hash; print(sources_hash(), sources_hash('**/*.yaml'))"
+class Module:
+    """A source of sim_core: what it defines, and what it imports from others as which name."""
 
-    def hashes():
-        told = subprocess.run(
-            [sys.executable, "-c", code], env={"PYTHONPATH": str(tmp_path)}, capture_output=True, text=True, check=True
-        )
-        return told.stdout.split()
+    def __init__(self, path):
+        self.path, self.tree = path, ast.parse(path.read_text(encoding="utf-8"))
+        self.defined, self.imported = {}, {}
+        for node in self.tree.body:
+            match node:
+                case ast.FunctionDef() | ast.ClassDef():
+                    self.defined[node.name] = node
+                case ast.Assign():
+                    for name in (n.id for target in node.targets for n in ast.walk(target) if isinstance(n, ast.Name)):
+                        self.defined[name] = node.value
+                case ast.AnnAssign(target=ast.Name(id=name)):
+                    self.defined[name] = node.value
+                case ast.ImportFrom(module=str(module)) if module.startswith("sim_core."):
+                    folder = PACKAGE.joinpath(*module.split(".")[1:])
+                    for alias in node.names:
+                        inside = folder / f"{alias.name}.py"
+                        self.imported[alias.asname or alias.name] = (
+                            (inside, "") if inside.exists() else (folder.with_suffix(".py"), alias.name)
+                        )
 
-    before = hashes()
-    data = next(copy.rglob("*.yaml"))
-    data.write_text(data.read_text() + "\n# changed\n")
-    after = hashes()
-    assert after[0] == before[0], "kernels are compiled from sources alone"
-    assert after[1] != before[1]
+    def compiled(self):
+        """Its compiled functions: decorated with njit, or with what njit made with options."""
+        functions = (node for node in self.tree.body if isinstance(node, ast.FunctionDef))
+        return [
+            node
+            for node in functions
+            if any("njit" in ast.unparse(d) or "_compiled" in ast.unparse(d) for d in node.decorator_list)
+        ]
+
+
+def without_annotations(node):
+    for part in ast.walk(node):
+        for field in ("annotation", "returns"):
+            if hasattr(part, field):
+                setattr(part, field, None)
+    return node
+
+
+def seen(module, node, modules, visited):
+    """Follow every name that a definition uses, into the files where these are defined."""
+    parts = list(ast.walk(without_annotations(node)))
+    names = {(part.id, "") for part in parts if isinstance(part, ast.Name)}
+    names |= {(part.value.id, part.attr) for part in parts if isinstance(part, ast.Attribute) and isinstance(part.value, ast.Name)}
+    for name, attribute in names:
+        path, target = module.imported.get(name, (module.path, name))
+        target = target or attribute
+        definition = modules[path].defined.get(target)
+        if definition is not None and (path, target) not in visited:
+            visited.add((path, target))
+            seen(modules[path], definition, modules, visited)
+
+
+def test_whatever_a_compiled_function_sees_of_other_files_is_listed():
+    modules = {path: Module(path) for path in PACKAGE.rglob("*.py")}
+    compiled = {path: module.compiled() for path, module in modules.items()}
+    names = {path.relative_to(PACKAGE).as_posix() for path, functions in compiled.items() if functions}
+    assert names - {"validation/harness/run.py"} <= {*KERNEL_SOURCES}, "numba itself looks at a file that no other uses"
+    visited = set()
+    for path, functions in compiled.items():
+        for function in functions:
+            seen(modules[path], function, modules, visited)
+    assert (
+        {path.relative_to(PACKAGE).as_posix() for path, _ in visited}
+        <= {*KERNEL_SOURCES}
+        <= {*names, "dynamics/jit_cache.py", "structure/topology.py"}
+    )
+
+
+def test_the_hash_of_all_sources_counts_the_data(copy):
+    """Workers of a cluster must have the same."""
+    code = "from sim_core.studies.dask_runner import sources_hash; print(sources_hash())"
+    hashes = [told(copy, code)]
+    for path in (next(copy.rglob("*.yaml")), copy / "studies" / "tasks.py"):
+        change(path)
+        hashes.append(told(copy, code))
+    assert len(set(hashes)) == 3
 
 
 def test_what_compiles_nothing_does_not_load_numba():

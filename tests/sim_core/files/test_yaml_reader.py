@@ -13,8 +13,8 @@ from sim_core.errors import SimError, YamlError
 from sim_core.files.bounded_reader import MOST_BYTES
 from sim_core.files.yaml_reader import parse_yaml, read_yaml
 from sim_core.gaits.climb_limits import load_climbs
-from sim_core.gaits.library import libraries_folder, library_text, load_library, parse_library
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.library import LIBRARIES, library_text, load_library, parse_library
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.structure.parameters import load_prototype
 from sim_core.studies.model_agreement import load_gaits
 from sim_core.studies.sensitivity import stored_influences
@@ -200,14 +200,14 @@ def test_no_document_makes_a_reader_fail_but_by_its_own_error(tmp_path_factory, 
     file.write_text(text)
     for read in READERS:
         assert "\n" not in refusal(lambda read=read: read(file))
-    refusal(lambda: load_odds(load_library("robust"), file))
+    refusal(lambda: load_success_counts(load_library("robust"), file))
 
 
 def test_everything_that_is_shipped_is_read():
-    for file in sorted(libraries_folder().glob("*.yaml")):
+    for file in sorted(LIBRARIES.glob("*.yaml")):
         library = load_library(file)
         if file.stem != "previous":
-            assert load_odds(library) is not None
+            assert load_success_counts(library) is not None
         assert load_climbs(library) is not None
     load_prototype()
     load_actuators()

@@ -21,7 +21,7 @@ def test_every_shipped_library_was_measured(name):
 def test_text_and_back_for_the_library_that_it_is_of_and_no_other(tmp_path, monkeypatch):
     library = load_library("robust")
     found = load_climbs(library)
-    monkeypatch.setattr(climb_limits, "libraries_folder", lambda: tmp_path / "libraries")
+    monkeypatch.setattr(climb_limits, "DATA", tmp_path)
     assert load_climbs(library) is None
     path = tmp_path / "climbs" / "robust.yaml"
     path.parent.mkdir()

@@ -3,10 +3,9 @@ from collections import Counter
 
 import pytest
 
-from sim_core.dynamics.robot import Robot
 from sim_core.errors import LibraryError
 from sim_core.gaits.library import gait_of, library_text, load_library, parse_library
-from sim_core.rolling.roll import follow_policy
+from sim_core.rolling.roll import roll
 from sim_core.structure.symmetry import CLASSES, TC_TO, TO_TC, rolls_of
 
 
@@ -25,7 +24,7 @@ def test_the_shipped_library_belongs_to_the_shipped_model_and_has_three_of_each_
 def test_every_primitive_is_feasible_for_its_reference_pair(shipped, model):
     for primitive in shipped.primitives:
         source, target = primitive.roll_class
-        assert follow_policy(Robot.resting_on(model, source), source, target, primitive.policy).feasible
+        assert roll(model, source, target, primitive.policy).feasible
 
 
 @pytest.mark.parametrize("roll_class", [TC_TO, TO_TC])
@@ -33,7 +32,7 @@ def test_the_best_primitive_of_a_class_works_as_all_its_24_gaits(shipped, model,
     primitive = next(p for p in shipped.primitives if p.roll_class is roll_class)
     for source, target in rolls_of(roll_class):
         gait = gait_of(primitive, source, target)
-        result = follow_policy(Robot.resting_on(model, source), source, target, gait.policy)
+        result = roll(model, source, target, gait.policy)
         assert result.feasible, f"{gait.name}: {result.reason}"
 
 

@@ -8,21 +8,21 @@ from dataclasses import replace
 import pytest
 
 from sim_core.errors import RollRefused
-from sim_core.gaits.roll_sequence import Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View
+from sim_core.gaits.roll_sequence import Move, Phase, RollOutcome, RollPlan, RollRules, RollSequence, Seen, View
 
 NEUTRAL = (0.234,) * 6
 POLICY = (0.240, 0.230, 0.250, 0.234, 0.220, 0.234)
 S = 1_000_000_000
 
 
-def rules(observe: bool = True) -> Rules:
-    return Rules(NEUTRAL, observe, settle_timeout_s=20.0, confirm_timeout_s=60.0)
+def rules(observe: bool = True) -> RollRules:
+    return RollRules(NEUTRAL, observe, settle_timeout_s=20.0, confirm_timeout_s=60.0)
 
 
-def plan_from(source: str) -> Plan:
+def plan_from(source: str) -> RollPlan:
     if source == "TC1":
         raise RollRefused("TO5 is not adjacent to TC1")
-    return Plan(source, "TO5", POLICY)
+    return RollPlan(source, "TO5", POLICY)
 
 
 def view(at_s: float, face: str | None = "TC6", rest: bool = True, observer: bool = True, **changes: object) -> View:
@@ -47,7 +47,7 @@ def test_a_roll_actuates_settles_returns_settles_and_reports():
     assert sequence.look(view(4.0, "TO5")) == Move(Phase.RETURN, NEUTRAL)
     sequence.moved(view(7.0, "TO5", rest=False))
     outcome = sequence.look(view(8.0, "TO5"))
-    assert outcome == Outcome(True, "", "TO5", "TO5", ("TC6", "TO5"), 7.0)
+    assert outcome == RollOutcome(True, "", "TO5", "TO5", ("TC6", "TO5"), 7.0)
 
 
 def test_rest_before_the_end_of_the_motion_counts_for_nothing():
@@ -63,7 +63,7 @@ def test_the_wrong_face_still_returns_to_neutral_and_then_fails():
     assert sequence.look(view(4.0, "TC6")) == Move(Phase.RETURN, NEUTRAL)
     sequence.moved(view(7.0, rest=False))
     outcome = sequence.look(view(8.0, "TC6"))
-    assert isinstance(outcome, Outcome)
+    assert isinstance(outcome, RollOutcome)
     assert not outcome.success
     assert outcome.reason == "after actuation the robot stands on TC6 (prototype), not on TO5"
 
@@ -74,7 +74,7 @@ def test_falling_back_on_the_return_is_a_failure():
     sequence.look(view(4.0, "TO5"))
     sequence.moved(view(7.0, rest=False))
     outcome = sequence.look(view(8.0, None))
-    assert isinstance(outcome, Outcome)
+    assert isinstance(outcome, RollOutcome)
     assert outcome.reason == "after the return the robot stands on no face (prototype), not on TO5"
     assert outcome.observed_face == ""
 
@@ -86,7 +86,7 @@ def test_what_the_observer_saw_outweighs_the_twin():
     assert sequence.look(wrong_twin) == Move(Phase.RETURN, NEUTRAL)
     sequence.moved(view(7.0, rest=False))
     outcome = sequence.look(view(8.0, "TO5"))
-    assert isinstance(outcome, Outcome)
+    assert isinstance(outcome, RollOutcome)
     assert outcome.success
 
 
@@ -96,7 +96,7 @@ def test_with_confirm_predicted_the_twin_is_enough():
     sequence.look(view(4.0, "TO5", observer=False))
     sequence.moved(view(7.0, rest=False, observer=False))
     outcome = sequence.look(view(8.0, "TO5", observer=False))
-    assert outcome == Outcome(True, "", "TO5", "", ("TC6", "TO5"), 7.0)
+    assert outcome == RollOutcome(True, "", "TO5", "", ("TC6", "TO5"), 7.0)
 
 
 def confirming() -> RollSequence:
@@ -112,7 +112,7 @@ def confirming() -> RollSequence:
 def test_without_an_observer_a_person_confirms():
     said = Seen("TO5", True, 20 * S, "operator")
     outcome = confirming().look(view(20.1, "TO5", observer=False, observed=said))
-    assert isinstance(outcome, Outcome)
+    assert isinstance(outcome, RollOutcome)
     assert outcome.success
     assert outcome.observed_face == "TO5"
 
@@ -120,13 +120,13 @@ def test_without_an_observer_a_person_confirms():
 def test_a_person_who_saw_another_face_is_believed():
     said = Seen("TC6", True, 20 * S, "operator")
     outcome = confirming().look(view(20.1, "TO5", observer=False, observed=said))
-    assert isinstance(outcome, Outcome)
+    assert isinstance(outcome, RollOutcome)
     assert outcome.reason == "after the return the robot stands on TC6 (operator), not on TO5"
 
 
 def test_nobody_to_confirm_is_a_failure_that_says_what_to_do():
     outcome = confirming().look(view(68.0, "TO5", observer=False))
-    assert isinstance(outcome, Outcome)
+    assert isinstance(outcome, RollOutcome)
     assert not outcome.success
     assert "set_face" in outcome.reason
     assert outcome.predicted_face == "TO5"
@@ -139,7 +139,7 @@ def test_a_robot_that_does_not_settle_is_returned_and_reported():
     assert sequence.look(view(23.1, rest=False)) == Move(Phase.RETURN, NEUTRAL)
     sequence.moved(view(26.0, rest=False))
     outcome = sequence.look(view(27.0, "TC6"))
-    assert isinstance(outcome, Outcome)
+    assert isinstance(outcome, RollOutcome)
     assert outcome.reason == "no observer saw the robot at rest within 20 s"
 
 
@@ -152,7 +152,7 @@ def test_a_restless_twin_does_not_fail_a_roll_that_was_seen():
     assert sequence.look(later) == Move(Phase.RETURN, NEUTRAL)
     sequence.moved(view(27.0, rest=False))
     outcome = sequence.look(view(28.0, "TO5"))
-    assert isinstance(outcome, Outcome)
+    assert isinstance(outcome, RollOutcome)
     assert outcome.success
 
 
@@ -161,7 +161,7 @@ def test_struts_that_are_not_neutral_go_there_first():
     assert sequence.begin(view(0.0, lengths_m=POLICY)) == Move(Phase.TO_NEUTRAL, NEUTRAL)
     sequence.moved(view(2.0, rest=False))
     assert sequence.look(view(3.0, "TC5")) == Move(Phase.ACTUATE, POLICY)
-    assert sequence.plan == Plan("TC5", "TO5", POLICY)
+    assert sequence.plan == RollPlan("TC5", "TO5", POLICY)
 
 
 def test_a_roll_that_cannot_be_is_refused_before_anything_moves():

@@ -9,7 +9,7 @@ from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.errors import LibraryError
 from sim_core.gaits.library import Library, load_library
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.planning.floor_planner import ROLL_COST, Floor, Stance
 from sim_core.structure.parameters import load_prototype
@@ -76,13 +76,13 @@ def test_a_way_leads_there_roll_by_roll(floor, graph, goal):
     for (before, after), choice in zip(pairwise(way.stances), way.choices, strict=True):
         assert (choice.gait.source, choice.gait.target) == (before.face, after.face)
         assert floor.rolled(before, after.face) == after
-    assert way.odds == pytest.approx(math.prod(choice.odds for choice in way.choices))
+    assert way.probability == pytest.approx(math.prod(choice.probability for choice in way.choices))
     assert len(way.choices) * floor.longest_m >= math.hypot(*goal) - 0.08
 
 
 def test_a_goal_where_the_robot_stands_needs_no_roll(floor, graph):
     way = floor.way(Stance("TO3", 1.0, 1.0, 0.3), (1.02, 1.0), graph)
-    assert (way.choices, way.odds, way.reaches) == ((), 1.0, True)
+    assert (way.choices, way.probability, way.reaches) == ((), 1.0, True)
 
 
 def test_without_gaits_there_is_no_way(floor):
@@ -93,13 +93,13 @@ def test_without_gaits_there_is_no_way(floor):
 
 def test_a_lean_makes_rolls_down_it_likelier_and_rolls_up_it_less_so(floor):
     library = load_library("robust")
-    graph = FaceGraph(library, load_odds(library))
+    graph = FaceGraph(library, load_success_counts(library))
     start = Stance("TC6", 0.0, 0.0, 0.0)
     level = floor.way(start, (0.0, 1.0), graph)
     same = floor.way(start, (0.0, 1.0), graph, lean=(0.0, 0.0))
     assert same == level
     down, up = (floor.way(start, (0.0, 1.0), graph, lean=(0.0, y)) for y in (8.0, -8.0))
-    assert down.odds >= level.odds > up.odds
+    assert down.probability >= level.probability > up.probability
     assert level.reaches
     assert up.reaches
 
@@ -114,7 +114,7 @@ def test_a_heading_is_the_direction_of_the_step(floor):
 
 def test_uphill_the_gait_that_climbs_steeper_is_taken_and_elsewhere_the_surer_one(floor):
     library = load_library("robust")
-    graph = FaceGraph(library, load_odds(library))
+    graph = FaceGraph(library, load_success_counts(library))
     climber = library.gaits("TC6", "TO5")[-1]
     assert graph.best("TC6", "TO5").gait != climber
 
@@ -132,11 +132,11 @@ def test_uphill_the_gait_that_climbs_steeper_is_taken_and_elsewhere_the_surer_on
 @pytest.mark.parametrize("lean", [(0.0, 0.0), (4.0, 0.0), (-4.0, 2.0), (0.0, -8.0)])
 def test_looking_ahead_changes_how_long_it_takes_and_not_the_way(floor, monkeypatch, lean):
     library = load_library("improved")
-    graph = FaceGraph(library, load_odds(library))
+    graph = FaceGraph(library, load_success_counts(library))
     start, goal = Stance("TC6", 0.0, 0.0, 0.0), (0.2, 0.1)
     quick = floor.way(start, goal, graph, lean=lean)
     monkeypatch.setattr("sim_core.planning.floor_planner._least_cost", lambda *_: 0.0)
     slow = floor.way(start, goal, graph, lean=lean)
     assert quick.reaches
-    cost, least = (ROLL_COST * len(way.choices) - math.log(way.odds) for way in (quick, slow))
+    cost, least = (ROLL_COST * len(way.choices) - math.log(way.probability) for way in (quick, slow))
     assert cost == pytest.approx(least, rel=0.02)

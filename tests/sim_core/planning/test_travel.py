@@ -9,10 +9,10 @@ import pytest
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.climb_limits import load_climbs
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.planning.floor_planner import Floor, Stance
-from sim_core.planning.travel import MOST_MISSES, End, Journey, Rules, Step, key_of
+from sim_core.planning.travel import MOST_MISSES, Journey, JourneyEnd, Step, TravelRules
 from sim_core.structure.parameters import load_prototype
 
 START = Stance("TC6", 0.0, 0.0, 0.0)
@@ -29,7 +29,7 @@ def library():
 
 
 def journey(floor, library, goal=(0.4, 0.1), most_rolls=40, **more):
-    return Journey(floor, library, load_odds(library), goal, Rules(0.08, most_rolls, **more))
+    return Journey(floor, library, load_success_counts(library), goal, TravelRules(0.08, most_rolls, **more))
 
 
 def travelled(floor, trip, stance, works=lambda step: True):
@@ -46,7 +46,7 @@ def travelled(floor, trip, stance, works=lambda step: True):
 def test_it_arrives_and_tells_rolls_faces_and_lengths(floor, library):
     trip = journey(floor, library)
     end, steps, stance = travelled(floor, trip, START)
-    assert end == End(True, end.reason)
+    assert end == JourneyEnd(True, end.reason)
     assert stance.distance_m((0.4, 0.1)) <= 0.08
     assert trip.rolls == len(steps) == len(trip.faces) - 1
     assert trip.faces == ["TC6", *(step.gait.target for step in steps)]
@@ -77,7 +77,7 @@ def test_a_gait_that_misses_is_believed_less_and_another_way_is_taken(floor, lib
     bad = (first.gait.source, first.gait.target)
     end, steps, _ = travelled(floor, trip, START, lambda step: (step.gait.source, step.gait.target) != bad)
     assert end.success
-    tried = [key_of(step.gait) for step in steps if (step.gait.source, step.gait.target) == bad]
+    tried = [step.gait.name for step in steps if (step.gait.source, step.gait.target) == bad]
     assert 1 <= len(tried) <= 4, "not the same vain roll for ever"
 
 
@@ -119,9 +119,9 @@ def test_a_roll_that_the_planner_refuses_counts_as_evidence_but_not_as_a_roll(fl
 
 
 def test_without_odds_all_gaits_are_alike_and_are_taken_in_turn(floor, library):
-    trip = journey(floor, library, use_odds=False)
+    trip = journey(floor, library, use_probabilities=False)
     first = trip.look(START)
-    alike = {choice.odds for choice in trip._graph.choices("TC6", "TO5")}
+    alike = {choice.probability for choice in trip._graph.choices("TC6", "TO5")}
     assert len(alike) == 1
     trip.rolled(first, False)
     then = trip.look(START)
@@ -131,6 +131,6 @@ def test_without_odds_all_gaits_are_alike_and_are_taken_in_turn(floor, library):
 
 def test_with_probabilities_the_first_gait_is_one_of_the_most_reliable_and_of_these_the_steepest_climber(floor, library):
     step = journey(floor, library).look(START)
-    choices = FaceGraph(library, load_odds(library)).choices(step.gait.source, step.gait.target)
-    surest = [choice.gait for choice in choices if choice.odds == choices[0].odds]
-    assert key_of(step.gait) == key_of(max(surest, key=load_climbs(library).of))
+    choices = FaceGraph(library, load_success_counts(library)).choices(step.gait.source, step.gait.target)
+    surest = [choice.gait for choice in choices if choice.probability == choices[0].probability]
+    assert step.gait == max(surest, key=load_climbs(library).of)

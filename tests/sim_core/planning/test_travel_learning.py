@@ -25,17 +25,17 @@ def experience():
 
 
 def test_before_any_roll_it_is_what_was_known_but_never_quite_sure(experience):
-    assert experience.of(GAIT) == pytest.approx(LIKELY)
+    assert experience.probability(GAIT) == pytest.approx(LIKELY)
     assert experience.lean == LEVEL
-    assert Experience(lambda gait: 1.0).of(GAIT) == pytest.approx(MOST_SURE)
-    assert Experience(lambda gait: 0.0).of(GAIT) == pytest.approx(LEAST_SURE)
+    assert Experience(lambda gait: 1.0).probability(GAIT) == pytest.approx(MOST_SURE)
+    assert Experience(lambda gait: 0.0).probability(GAIT) == pytest.approx(LEAST_SURE)
 
 
 def test_a_miss_tells_most_of_its_own_gait_and_something_of_its_kin(experience):
     experience.add(GAIT, NORTH, False)
-    odds = [experience.of(gait) for gait in (GAIT, SAME_PRIMITIVE, UNRELATED, SAME_ROLL)]
-    assert odds[0] < odds[1] < odds[2] < LIKELY
-    assert odds[0] < odds[3] < odds[2]
+    likely = [experience.probability(gait) for gait in (GAIT, SAME_PRIMITIVE, UNRELATED, SAME_ROLL)]
+    assert likely[0] < likely[1] < likely[2] < LIKELY
+    assert likely[0] < likely[3] < likely[2]
 
 
 def test_misses_one_way_and_rolls_the_other_way_are_a_slope_and_not_the_gaits(experience):
@@ -46,8 +46,8 @@ def test_misses_one_way_and_rolls_the_other_way_are_a_slope_and_not_the_gaits(ex
     x, y = experience.lean
     assert y < -2.0
     assert abs(x) < 0.1
-    odds = experience.of(GAIT)
-    assert 0.3 < odds < LIKELY + 0.05, "on level ground it would still roll"
+    likely = experience.probability(GAIT)
+    assert 0.3 < likely < LIKELY + 0.05, "on level ground it would still roll"
 
 
 def test_misses_uphill_of_steep_climbers_tell_of_steeper_ground():
@@ -64,7 +64,7 @@ def test_misses_uphill_of_steep_climbers_tell_of_steeper_ground():
 def test_successes_make_it_surer(experience):
     for _ in range(4):
         experience.add(GAIT, 0.3, True)
-    assert experience.of(GAIT) > LIKELY
+    assert experience.probability(GAIT) > LIKELY
 
 
 def test_the_order_of_rolls_does_not_matter():
@@ -74,7 +74,7 @@ def test_the_order_of_rolls_does_not_matter():
         one = Experience(lambda gait: LIKELY, lambda gait: CLIMBS_DEG)
         for roll in order:
             one.add(*roll)
-        found.append([*one.lean, *(one.of(gait) for gait, _, _ in rolls)])
+        found.append([*one.lean, *(one.probability(gait) for gait, _, _ in rolls)])
     assert np.allclose(*found, atol=1e-6)
 
 
@@ -82,5 +82,5 @@ def test_the_mode_is_the_posteriors_maximum():
     """One gait, one roll: against the closed form's own condition, effect/σ² = won − p."""
     one = Experience(lambda gait: LIKELY, lambda gait: CLIMBS_DEG)
     one.add(GAIT, NORTH, False)
-    p = 1.0 / (1.0 + math.exp(-math.log(one.of(GAIT) / (1.0 - one.of(GAIT))) - one.lean[1] / CLIMBS_DEG))
+    p = 1.0 / (1.0 + math.exp(-math.log(one.probability(GAIT) / (1.0 - one.probability(GAIT))) - one.lean[1] / CLIMBS_DEG))
     assert one.lean[1] / SPREAD_LEAN**2 == pytest.approx((0.0 - p) / CLIMBS_DEG, abs=1e-6)

@@ -9,8 +9,8 @@ from sim_core.dynamics.robot import Robot
 from sim_core.errors import ModelError
 from sim_core.gaits.library import load_library
 from sim_core.rolling.batch import Batch, Job, roll_many
-from sim_core.rolling.roll import follow_policy
-from sim_core.uncertainty.seeded_perturbation import perturb
+from sim_core.rolling.roll import roll
+from sim_core.uncertainty.distribution import perturb
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def jobs(model):
 
 def test_a_roll_in_a_lane_is_the_roll_alone_to_the_last_bit(robots, jobs):
     for job, result in zip(jobs, roll_many(robots, jobs), strict=True):
-        alone = follow_policy(Robot.resting_on(robots[job.model], job.source), job.source, job.target, job.policy)
+        alone = roll(robots[job.model], job.source, job.target, job.policy)
         assert repr(result) == repr(alone)
 
 

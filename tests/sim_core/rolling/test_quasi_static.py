@@ -11,7 +11,7 @@ from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.errors import ModelError
 from sim_core.rolling.batch import Job, roll_many
-from sim_core.rolling.roll import follow_policy, roll
+from sim_core.rolling.roll import roll
 from sim_core.structure.elements import PREVIOUS
 
 
@@ -54,7 +54,7 @@ def test_masses_weigh_what_they_weigh(model, previous):
 
 def test_at_the_end_of_a_relaxation_every_joint_is_in_equilibrium(previous):
     robot = Robot.resting_on(previous, "TO5")
-    result = follow_policy(robot, "TO5", None, (5, -8, 0, 3, -2, 7))
+    result = roll(robot.model, "TO5", None, (5, -8, 0, 3, -2, 7), start=robot)
     assert result.reason == "after actuation it stood on TO5"
     work = np.zeros(previous.assembly.particles * k.WORK_ROWS)
     state, _ = robot.rows()
@@ -69,7 +69,7 @@ def test_at_the_end_of_a_relaxation_every_joint_is_in_equilibrium(previous):
 def test_lengths_end_at_the_policy_whatever_the_path(previous):
     robot = Robot.resting_on(previous, "TO5")
     policy = (5, -8, 0, 3, -2, 7)
-    follow_policy(robot, "TO5", None, policy)
+    roll(robot.model, "TO5", None, policy, start=robot)
     assert np.allclose(1e3 * (robot.rest_lengths_m() - previous.prototype.strut_length_m), policy)
 
 
@@ -81,7 +81,7 @@ def test_random_policies_roll_it_from_an_open_onto_a_closed_face(results):
 
 def test_a_roll_in_a_lane_is_the_roll_alone_to_the_last_bit(previous, jobs, results):
     for job, result in list(zip(jobs, results, strict=True))[:6]:
-        assert repr(result) == repr(follow_policy(Robot.resting_on(previous, job.source), job.source, None, job.policy))
+        assert repr(result) == repr(roll(previous, job.source, None, job.policy))
 
 
 def test_the_time_of_a_roll_is_the_actuators(previous, jobs, results):

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim_core.gaits.library import libraries_folder, load_library
+from sim_core.gaits.library import LIBRARIES, load_library
 from sim_core.rolling.shape_check import ShapeJudge, ShapeLimits
 from sim_core.structure.parameters import load_prototype
 
@@ -35,7 +35,7 @@ def test_neutral_is_permitted_and_under_even_load(judge):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("library", sorted(path.stem for path in libraries_folder().glob("*.yaml")))
+@pytest.mark.parametrize("library", sorted(path.stem for path in LIBRARIES.glob("*.yaml")))
 def test_every_shipped_policy_is_permitted_on_all_its_way_there_and_back(judge, library):
     for primitive in load_library(library).primitives:
         furthest_mm = max(map(abs, primitive.policy))

@@ -5,11 +5,11 @@ import pytest
 import yaml
 
 from sim_core.errors import ParameterError
-from sim_core.structure.parameters import SPECS, Prototype, default_path, load_entries, load_prototype
+from sim_core.structure.parameters import FILE, SPECS, Prototype, load_prototype
 
 
 def written(tmp_path, change):
-    document = yaml.safe_load(default_path().read_text(encoding="utf-8"))
+    document = yaml.safe_load(FILE.path.read_text(encoding="utf-8"))
     change(document)
     path = tmp_path / "robot.yaml"
     path.write_text(yaml.safe_dump(document), encoding="utf-8")
@@ -17,13 +17,13 @@ def written(tmp_path, change):
 
 
 def test_every_number_has_unit_source_and_range():
-    entries = load_entries()
+    entries = FILE.load()
     assert {entry.name for entry in entries} == SPECS.keys() == {field.name for field in fields(Prototype)}
     assert all(entry.unit == SPECS[entry.name].unit for entry in entries)
 
 
 def test_values_that_the_paper_gives_are_tagged_so_and_guesses_are_not():
-    source = {entry.name: entry.source for entry in load_entries()}
+    source = {entry.name: entry.source for entry in FILE.load()}
     assert source["box_mass_kg"] == source["first_frequency_hz"] == source["mass_damping_ratio"] == "paper"
     assert source["strut_bending_stiffness_n_m2"] == source["friction_static"] == "stand-in"
     assert source["tendon_stiffness_n_m"] == source["box_rope_stiffness_n_m"] == "calibrated"

@@ -28,7 +28,7 @@ def test_rates_run_along_the_first_axis():
 def test_levels_are_counted_as_the_paper_does():
     counts = counts_of([rate_of(k, 20) for k in (20, 20, 17, 16, 10, 9)])
     assert counts == (2, 3, 5, 6)
-    assert counts.words == "2 at 100 %, 3 above 80 %, 5 at or above 50 %, of 6"
+    assert counts.text == "2 at 100 %, 3 above 80 %, 5 at or above 50 %, of 6"
 
 
 @pytest.mark.parametrize(("successes", "trials"), [(0, 0), (3, 2), (-1, 2)])

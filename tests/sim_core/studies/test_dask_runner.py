@@ -13,7 +13,7 @@ from sim_core.errors import ClusterError
 from sim_core.gaits.library import load_library
 from sim_core.structure.parameters import load_prototype
 from sim_core.studies import dask_runner
-from sim_core.studies.robustness import Plan, chunks_of
+from sim_core.studies.robustness import StudyPlan, chunks_of
 from sim_core.studies.tasks import run_here
 from sim_core.uncertainty.distribution import Law
 
@@ -25,7 +25,7 @@ def chunks():
     """Six small chunks."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sim_core.studies.robustness.CHUNK_JOBS", SMALL)
-        return chunks_of(load_prototype(), load_library("robust").primitives[:1], Plan(Law(0.2), 5, 2, one_gait=True))
+        return chunks_of(load_prototype(), load_library("robust").primitives[:1], StudyPlan(Law(0.2), 5, 2, one_gait=True))
 
 
 @pytest.fixture(scope="module")

@@ -8,13 +8,13 @@ import pytest
 
 from sim_core.errors import LibraryError, ParameterError
 from sim_core.gaits.library import gait_of, load_library
-from sim_core.gaits.success_probability import MEANS, load_odds, odds_text
+from sim_core.gaits.success_probability import MEANS, load_success_counts, success_counts_text
 from sim_core.rolling.batch import Job, roll_many
 from sim_core.search.genetic_search import SearchPlan
 from sim_core.search.training_robots import FittedTraining
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.ensemble_fit import Roll, Seen, estimates, fit, prior_members, stood_on_target, wins_of
-from sim_core.studies.gait_posterior import learned_odds
+from sim_core.studies.gait_probability import learned_counts
 from sim_core.studies.rehearsal import Ensemble
 from sim_core.studies.robustness import training_seeds
 from sim_core.studies.tasks import Chunk, run_chunk
@@ -142,8 +142,8 @@ def test_rehearsals_and_searches_use_a_fitted_ensemble(model, fitted):
     trials = run_chunk(Chunk(model.prototype, tuple(one.robot for one in tries), jobs))
     assert trials.feasible.shape == (8,)
     plan = SearchPlan("mine", training=(training,))
-    assert plan.words["training"] == [{"law": posterior.words, "prototypes": 8, "seed": 5}]
-    library = replace(load_library("improved"), provenance={"plan": plan.words})
+    assert plan.as_dict()["training"] == [{"law": posterior.text, "prototypes": 8, "seed": 5}]
+    library = replace(load_library("improved"), provenance={"plan": plan.as_dict()})
     assert 5 in training_seeds(library)
 
 
@@ -151,15 +151,15 @@ def test_odds_of_one_robot_are_read_by_the_planner_as_written(tmp_path):
     library = load_library("improved")
     primitive = library.primitives[0]
     source, target = rolls_of(primitive.roll_class)[3]
-    odds = learned_odds(library, lambda gait: 0.8, {(primitive.name, source, target): (0, 4)}, weight=4.0, how="here")
-    (tmp_path / "odds.yaml").write_text(odds_text(odds), encoding="utf-8")
-    read = load_odds(library, tmp_path / "odds.yaml")
-    assert read.of(gait_of(primitive, source, target)) == pytest.approx(0.4, abs=1 / MEANS)
+    counts = learned_counts(library, lambda gait: 0.8, {(primitive.name, source, target): (0, 4)}, weight=4.0, how="here")
+    (tmp_path / "odds.yaml").write_text(success_counts_text(counts), encoding="utf-8")
+    read = load_success_counts(library, tmp_path / "odds.yaml")
+    assert read.probability(gait_of(primitive, source, target)) == pytest.approx(0.4, abs=1 / MEANS)
     other = rolls_of(primitive.roll_class)[4]
-    assert read.of(gait_of(primitive, *other)) == pytest.approx(0.8, abs=1 / MEANS)
+    assert read.probability(gait_of(primitive, *other)) == pytest.approx(0.8, abs=1 / MEANS)
     assert "not trials" in read.how
     with pytest.raises(LibraryError, match="has no gait X"):
-        learned_odds(library, lambda gait: 0.8, {("X", source, target): (0, 4)})
+        learned_counts(library, lambda gait: 0.8, {("X", source, target): (0, 4)})
 
 
 def test_impossible_priors_and_counts_are_refused(model):

@@ -3,7 +3,7 @@ import pytest
 
 from sim_core.dynamics.model import build_model
 from sim_core.errors import LibraryError, SimError
-from sim_core.gaits.library import libraries_folder
+from sim_core.gaits.library import LIBRARIES
 from sim_core.structure.elements import PREVIOUS
 from sim_core.studies.model_agreement import compare, load_gaits, verdicts
 
@@ -38,7 +38,7 @@ def test_a_list_of_gaits_runs_on_both_models(tmp_path, model):
 
 
 def test_a_library_is_a_list_of_gaits_too():
-    path = libraries_folder() / "robust.yaml"
+    path = LIBRARIES / "robust.yaml"
     assert len(load_gaits(path, 45, every_gait=True)) == 24 * len(load_gaits(path, 45))
 
 

@@ -11,8 +11,8 @@ from sim_core.rolling.batch import Job
 from sim_core.rolling.roll import roll
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.attribution import NOMINAL, TOGETHER, attribute
-from sim_core.studies.robustness import Plan, assembled, chunk_jobs, chunks_of, require_held_out, study, training_seeds
-from sim_core.studies.tasks import Chunk, Draw, cost_of, run_chunk, run_here
+from sim_core.studies.robustness import StudyPlan, assembled, chunk_jobs, chunks_of, require_held_out, study, training_seeds
+from sim_core.studies.tasks import Chunk, Draw, run_chunk, run_here
 from sim_core.uncertainty.distribution import Law, sample
 
 
@@ -23,7 +23,7 @@ def library():
 
 @pytest.fixture(scope="module")
 def plan():
-    return Plan(Law(0.2), seed=7, prototypes=2)
+    return StudyPlan(Law(0.2), seed=7, prototypes=2)
 
 
 @pytest.fixture(scope="module")
@@ -71,7 +71,7 @@ def test_a_failure_is_blamed_on_what_it_vanishes_without(model, prototype, libra
     blamed = attribute(prototype, found, limit=4)
     assert len(blamed.failures) == 4
     assert blamed.failed == (~found.feasible).sum()
-    assert cost_of([]).plus(blamed.cost).trials == 4 * (2 * 5 + 1)
+    assert blamed.cost.trials == 4 * (2 * 5 + 1)
     (p, g, k), killer = blamed.failures[0], blamed.killers()[0]
     assert not found.feasible[p, g, k]
     primitive, (source, target) = found.primitives[p], found.gaits[p][g]
@@ -85,7 +85,7 @@ def test_a_failure_is_blamed_on_what_it_vanishes_without(model, prototype, libra
 
 def test_a_policy_that_never_rolls_is_no_uncertaintys_fault(prototype, library):
     still = replace(library.primitives[0], policy=(0,) * 6)
-    blamed = attribute(prototype, study(prototype, [still], Plan(Law(0.05), 7, 1, one_gait=True)), limit=2)
+    blamed = attribute(prototype, study(prototype, [still], StudyPlan(Law(0.05), 7, 1, one_gait=True)), limit=2)
     assert set(blamed.killers()) == {NOMINAL}
 
 
@@ -97,8 +97,8 @@ def test_nothing_failed_nothing_blamed(prototype, library, found):
 def test_one_gait_on_24_times_the_prototypes_has_the_same_rate(prototype, library):
     """Under a symmetric law both estimate one probability: their difference is within four standard errors."""
     primitives, law = library.primitives[:1], Law(0.2)
-    all_gaits = study(prototype, primitives, Plan(law, 11, 4))
-    one_gait = study(prototype, primitives, Plan(law, 12, 4, one_gait=True))
+    all_gaits = study(prototype, primitives, StudyPlan(law, 11, 4))
+    one_gait = study(prototype, primitives, StudyPlan(law, 12, 4, one_gait=True))
     assert one_gait.feasible.shape == (1, 1, 96)
     a, b = all_gaits.overall.value, one_gait.overall.value
     pooled = (a + b) / 2
@@ -108,9 +108,9 @@ def test_one_gait_on_24_times_the_prototypes_has_the_same_rate(prototype, librar
 
 def test_one_gait_is_refused_where_it_does_not_stand_for_24():
     with pytest.raises(ParameterError, match="leave out slope"):
-        Plan(Law(0.1, ("mass", "slope")), one_gait=True)
+        StudyPlan(Law(0.1, ("mass", "slope")), one_gait=True)
     with pytest.raises(ParameterError, match="0 prototypes"):
-        Plan(prototypes=0)
+        StudyPlan(prototypes=0)
 
 
 def test_training_seeds_are_read_from_the_provenance():
@@ -145,7 +145,7 @@ def test_a_large_study_has_larger_chunks_and_few_enough():
 
 
 def test_a_chunk_is_sent_small(prototype, library):
-    chunk = chunks_of(prototype, library.primitives, Plan(prototypes=40), size=12_000)[0]
+    chunk = chunks_of(prototype, library.primitives, StudyPlan(prototypes=40), size=12_000)[0]
     sent = pickle.dumps(chunk)
     assert pickle.loads(sent) == chunk
     assert len(chunk.jobs) == 40 * 12 * 24

@@ -9,7 +9,7 @@ import pytest
 
 from sim_core.gaits.library import load_library
 from sim_core.studies.attribution import Attribution
-from sim_core.studies.robustness import Plan, Study, gaits_of
+from sim_core.studies.robustness import Study, StudyPlan, gaits_of
 from sim_core.studies.tasks import Cost
 from sim_core.uncertainty.distribution import Law
 from tensegrity_lab.reports.robustness_plot import robustness_picture
@@ -30,7 +30,7 @@ def study(library):
     numbers = [np.full(feasible.shape, value, dtype=np.float32) for value in (0.02, 0.015, 40.0, 12.0)]
     law = Law(0.1, ("stiffness", "mass", "payload"))
     return Study(
-        Plan(law, 7, 5),
+        StudyPlan(law, 7, 5),
         primitives,
         tuple(gaits_of(p, False) for p in primitives),
         feasible,

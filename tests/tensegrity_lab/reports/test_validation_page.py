@@ -5,14 +5,14 @@ import json
 
 import pytest
 
-from sim_core.validation import CASES, Case, Curve, Picture
+from sim_core.validation import CASES, Case, Comparison, Curve, Picture
 from sixstrut_cli import app
 
 
 def fake(measured):
     lines = (Curve("law", (1.0, 2.0), (1.0, 2.0)), Curve("solver", (1.0, 2.0), (1.0, 2.1), marks=True))
     return lambda setting: Case(
-        "a block", "It slides.", measured, 1.0, "m", 0.01, "v²", picture=Picture("speed (m/s)", "way (m)", lines)
+        "a block", "It slides.", "v²", Comparison(measured, 1.0, "m", 0.01), picture=Picture("speed (m/s)", "way (m)", lines)
     )
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import library_text
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.structure.parameters import load_prototype
-from sim_core.studies.gait_prior import shipped_prior
+from sim_core.studies.gait_probability import shipped_prior
 from sim_core.uncertainty.ensemble import load_posterior
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.folder import LIBRARY, begin_session
@@ -56,10 +56,10 @@ def test_odds_of_this_robot_fall_where_it_fails_and_stay_elsewhere(session, tmp_
     assert result.returncode == 0, result.stderr
     assert "These are virtual trials" in result.stdout
     library = graph().library
-    odds, before = load_odds(library, path), shipped_prior(library)
+    counts, before = load_success_counts(library, path), shipped_prior(library)
     gaits = [next(g for g in library.gaits("TC6", target) if g.primitive.name == "P1") for target in ("TO5", "TO7")]
-    assert odds.of(gaits[0]) == pytest.approx(before(gaits[0]) * 4 / 6, abs=1e-3)
-    assert odds.of(gaits[1]) == pytest.approx((before(gaits[1]) * 4 + 2) / 6, abs=1e-3)
+    assert counts.probability(gaits[0]) == pytest.approx(before(gaits[0]) * 4 / 6, abs=1e-3)
+    assert counts.probability(gaits[1]) == pytest.approx((before(gaits[1]) * 4 + 2) / 6, abs=1e-3)
     route = json.loads(sixstrut("route", "TC6", "TO5", "--odds", str(path), "--json").stdout)
     assert route["rolls"][0]["primitive"] != "P1"
 

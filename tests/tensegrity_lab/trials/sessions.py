@@ -8,7 +8,7 @@ from functools import cache
 from pathlib import Path
 
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from tensegrity_lab.session_data.folder import SessionFolder, Settings, begin_session
 from tensegrity_lab.session_data.ledger import Ledger
@@ -28,7 +28,7 @@ def planned(primitives: str = "1-2", gaits: str = "all", repeats: int = 1, seed:
 def graph() -> FaceGraph:
     """Of the library `robust`, with its odds."""
     library = load_library()
-    return FaceGraph(library, load_odds(library))
+    return FaceGraph(library, load_success_counts(library))
 
 
 def begun(path: Path, plan: list[Slot], robot: str = "virtual one", virtual: bool = True) -> SessionFolder:

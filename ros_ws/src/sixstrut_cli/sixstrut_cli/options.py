@@ -14,7 +14,7 @@ from hardware_bridge.boards.registry import SERVO_BOARD
 from sixstrut_cli.outputs import COUNTS, output_of, picture_path
 
 MOST_PERTURBATION = 0.3
-"""`sim_core.uncertainty.seeded_perturbation.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
+"""`sim_core.uncertainty.distribution.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
 
 MOST_INCLINE_DEG = 20.0
 """`sim_core.uncertainty.distribution.MAX_INCLINE_DEG`, by value as well."""

@@ -3,15 +3,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import lru_cache
+from typing import NamedTuple
 
 import numpy as np
 
 from sim_core.dynamics import vfife as k
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
-from sim_core.validation.harness.case import Case, Curve, Picture, Setting, curve
+from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 from sim_core.validation.harness.run import Run, angular_frequency, ready
 from sim_core.validation.harness.test_bodies import Section, chains, held, six_beams, strut_section
 
@@ -26,11 +26,7 @@ SLOWER = 4.0
 def lumped_bar_1_s(section: Section, count: int, stiffness: float, inertia: float) -> float:
     """First angular frequency of a free chain of `count` springs with half a mass at either end: 2n √(k/m) sin(π/2n).
 
-    Args:
-        section: of the beam.
-        count: elements of the chain.
-        stiffness: EA or GJ.
-        inertia: whole mass, or whole inertia about the axis.
+    `stiffness` and `inertia`: EA and the whole mass, or GJ and the whole inertia about the axis.
     """
     return float(2.0 * count * np.sqrt(stiffness / (inertia * section.length_m)) * np.sin(0.5 * np.pi / count))
 
@@ -52,144 +48,122 @@ def lumped_bending(section: Section, count: int) -> tuple[float, float]:
     return float(np.sqrt(values[0])), float(shape[1] / shape[0])
 
 
-@lru_cache(maxsize=2)
-def _bending(prototype: Prototype) -> dict[int, float]:
-    """Measured: the six chains swing in their first mode for two periods of the continuous beam."""
-    section = strut_section(prototype)
-    ends = [particle for string in chains(COUNTS) for particle in (string[0], string[-1])]
-    run = Run(ready(prototype, held(six_beams(prototype, section, COUNTS), ends, turning=True), SLOWER))
-    size = AMPLITUDE * section.length_m
-    for count, string in zip(COUNTS, chains(COUNTS), strict=True):
-        phase = np.pi * np.arange(count + 1) / count
-        run.x[string, 2] += size * np.sin(phase)
-        # a deflection along z that grows with x is a turn about −y
-        angle = size * lumped_bending(section, count)[1] * np.cos(phase)
-        run.q[string, 2] = -0.5 * angle
+class _Vibration(NamedTuple):
+    """First angular frequencies: measured and of the lumped chain, by number of elements, and the continuous beam's."""
+
+    measured: dict[int, float]
+    lumped: dict[int, float]
+    limit: float
+
+
+def _measured(run: Run, counts: tuple[int, ...], shapes: list[Array], omega: float, row: int) -> dict[int, float]:
+    """Frequencies of six chains, let go in their first modes, from a row of their particles in two periods of `omega`."""
     run.begin()
-    omega = np.pi**2 * np.sqrt(section.ei_n_m2 / (section.mass_kg * section.length_m**3))
     every = max(1, round(2.0 * np.pi / omega / 40 / run.dt_s))
-    states = run.record(80, every)
+    tracks = run.record(80, every)[:, :, row] - (run.model.elements.position_m[:, row] if row < k.V else 0.0)
     return {
-        count: angular_frequency(states[:, string, 2] @ np.sin(np.pi * np.arange(count + 1) / count), every * run.dt_s)
-        for count, string in zip(COUNTS, chains(COUNTS), strict=True)
+        count: angular_frequency(tracks[:, string] @ shape, every * run.dt_s)
+        for count, string, shape in zip(counts, chains(counts), shapes, strict=True)
     }
 
 
 @lru_cache(maxsize=2)
-def _bars(prototype: Prototype) -> tuple[dict[int, float], dict[int, float]]:
-    """Measured axial and torsional frequencies of free chains, in one run each."""
+def _bending(prototype: Prototype) -> _Vibration:
+    """Chains with pinned ends."""
     section = strut_section(prototype)
-    model = ready(prototype, six_beams(prototype, section, BAR_COUNTS), SLOWER)
-    inertia = 2.0 * section.mass_kg * section.radius_m**2
-
-    def measured(stiffness: float, whole: float, put: Callable[[Run, list[int], Array], None], row: int) -> dict[int, float]:
-        run = Run(model)
-        shapes = [np.cos(np.pi * np.arange(count + 1) / count) for count in BAR_COUNTS]
-        strings = chains(BAR_COUNTS)
-        for shape, string in zip(shapes, strings, strict=True):
-            put(run, string, AMPLITUDE * shape)
-        run.begin()
-        omega = np.pi * np.sqrt(stiffness / (whole * section.length_m))
-        every = max(1, round(2.0 * np.pi / omega / 40 / run.dt_s))
-        tracks = run.record(80, every)[:, :, row] - (model.elements.position_m[:, 0] if row == k.X else 0.0)
-        return {
-            count: angular_frequency(tracks[:, string] @ shape, every * run.dt_s)
-            for count, string, shape in zip(BAR_COUNTS, strings, shapes, strict=True)
-        }
-
-    def stretch(run: Run, string: list[int], shape: Array) -> None:
-        run.x[string, 0] += section.length_m * shape
-
-    def twist(run: Run, string: list[int], shape: Array) -> None:
-        run.q[string, 1] = 0.5 * shape
-
-    return measured(section.ea_n, section.mass_kg, stretch, k.X), measured(section.gj_n_m2, inertia, twist, k.Q + 1)
+    ends = [particle for string in chains(COUNTS) for particle in (string[0], string[-1])]
+    run = Run(ready(prototype, held(six_beams(prototype, section, COUNTS), ends, turning=True), SLOWER))
+    size = AMPLITUDE * section.length_m
+    lumped = {count: lumped_bending(section, count) for count in COUNTS}
+    phases = [np.pi * np.arange(count + 1) / count for count in COUNTS]
+    for count, string, phase in zip(COUNTS, chains(COUNTS), phases, strict=True):
+        run.x[string, 2] += size * np.sin(phase)
+        # a deflection along z that grows with x is a turn about −y
+        run.q[string, 2] = -0.5 * (size * lumped[count][1] * np.cos(phase))
+    limit = np.pi**2 * np.sqrt(section.ei_n_m2 / (section.mass_kg * section.length_m**3))
+    measured = _measured(run, COUNTS, [np.sin(phase) for phase in phases], limit, k.X + 2)
+    return _Vibration(measured, {count: omega for count, (omega, _) in lumped.items()}, limit)
 
 
-def _worst(measured: dict[int, float], reference: dict[int, float]) -> int:
-    return max(measured, key=lambda count: abs(measured[count] / reference[count] - 1.0))
+@lru_cache(maxsize=4)
+def _bars(prototype: Prototype, torsion: bool = False) -> _Vibration:
+    """Free chains that stretch, or twist."""
+    section = strut_section(prototype)
+    run = Run(ready(prototype, six_beams(prototype, section, BAR_COUNTS), SLOWER))
+    shapes = [np.cos(np.pi * np.arange(count + 1) / count) for count in BAR_COUNTS]
+    for shape, string in zip(shapes, chains(BAR_COUNTS), strict=True):
+        if torsion:
+            run.q[string, 1] = 0.5 * (AMPLITUDE * shape)
+        else:
+            run.x[string, 0] += section.length_m * (AMPLITUDE * shape)
+    stiffness, whole = section.ea_n, section.mass_kg
+    if torsion:
+        stiffness, whole = section.gj_n_m2, 2.0 * section.mass_kg * section.radius_m**2
+    limit = np.pi * np.sqrt(stiffness / (whole * section.length_m))
+    measured = _measured(run, BAR_COUNTS, shapes, limit, k.Q + 1 if torsion else k.X)
+    return _Vibration(measured, {count: lumped_bar_1_s(section, count, stiffness, whole) for count in BAR_COUNTS}, limit)
 
 
 def _hertz(omega: float) -> float:
     return omega / (2.0 * np.pi)
 
 
-def _error_picture(measured: dict[int, float], limit: float, lumped: dict[int, float]) -> Picture:
-    counts = list(measured)
-    off = curve("solver", counts, [abs(measured[n] / limit - 1.0) for n in counts], marks=True)
-    formula: Curve = curve("lumped formula", counts, [abs(lumped[n] / limit - 1.0) for n in counts])
-    return Picture("elements per strut", "|frequency / continuous beam's − 1|", (formula, off), log_x=True, log_y=True)
+def _against_chain(found: _Vibration, name: str, checked: str, source: str) -> Case:
+    """Every number of elements against the lumped chain."""
+    worst = max(found.measured, key=lambda count: abs(found.measured[count] / found.lumped[count] - 1.0))
+    result = Comparison(_hertz(found.measured[worst]), _hertz(found.lumped[worst]), "Hz", 1e-4)
+    return Case(name, f"{checked}; the worst (n = {worst}) is shown.", source, result)
+
+
+def _against_beam(found: _Vibration, count: int, tolerance: float, name: str, checked: str, source: str) -> Case:
+    """So many elements against the continuous beam."""
+    counts = list(found.measured)
+    off = Curve("solver", counts, [abs(found.measured[n] / found.limit - 1.0) for n in counts], marks=True)
+    formula = Curve("lumped formula", counts, [abs(found.lumped[n] / found.limit - 1.0) for n in counts])
+    picture = Picture("elements per strut", "|frequency / continuous beam's − 1|", (formula, off), log_x=True, log_y=True)
+    result = Comparison(_hertz(found.measured[count]), _hertz(found.limit), "Hz", tolerance)
+    return Case(name, checked, source, result, picture=picture)
 
 
 def axial_frequency(setting: Setting) -> Case:
     """Every n against the lumped chain."""
-    section = strut_section(setting.prototype)
-    measured, _ = _bars(setting.prototype)
-    lumped = {n: lumped_bar_1_s(section, n, section.ea_n, section.mass_kg) for n in BAR_COUNTS}
-    worst = _worst(measured, lumped)
-    return Case(
+    return _against_chain(
+        _bars(setting.prototype),
         "axial frequency of a strut, lumped",
-        f"First axial frequency of a free strut of 1 to {BAR_COUNTS[-1]} elements, from its motion; the worst "
-        f"(n = {worst}) is shown.",
-        _hertz(measured[worst]),
-        _hertz(lumped[worst]),
-        "Hz",
-        1e-4,
+        f"First axial frequency of a free strut of 1 to {BAR_COUNTS[-1]} elements, from its motion",
         "ω = 2n √(EA/(mL)) sin(π/2n): a chain of n springs nEA/L and masses m/n, half at the ends",
     )
 
 
 def axial_limit(setting: Setting) -> Case:
     """Many elements against the continuous bar."""
-    section = strut_section(setting.prototype)
-    measured, _ = _bars(setting.prototype)
-    lumped = {n: lumped_bar_1_s(section, n, section.ea_n, section.mass_kg) for n in BAR_COUNTS}
-    limit = np.pi * np.sqrt(section.ea_n / (section.mass_kg * section.length_m))
     last = BAR_COUNTS[-1]
-    return Case(
+    return _against_beam(
+        _bars(setting.prototype),
+        last,
+        0.01,
         "axial frequency of a strut, continuous",
         f"First axial frequency of a free strut of {last} elements against the continuous bar; the lumped chain is of order n⁻².",
-        _hertz(measured[last]),
-        _hertz(limit),
-        "Hz",
-        0.01,
         "ω = π √(EA/(mL)), free–free bar (wave equation); lumping lowers it by the factor sin(π/2n)/(π/2n)",
-        picture=_error_picture(measured, limit, lumped),
     )
 
 
 def torsional_frequency(setting: Setting) -> Case:
     """Every n against the lumped chain."""
-    section = strut_section(setting.prototype)
-    _, measured = _bars(setting.prototype)
-    inertia = 2.0 * section.mass_kg * section.radius_m**2
-    lumped = {n: lumped_bar_1_s(section, n, section.gj_n_m2, inertia) for n in BAR_COUNTS}
-    worst = _worst(measured, lumped)
-    return Case(
+    return _against_chain(
+        _bars(setting.prototype, torsion=True),
         "torsional frequency of a strut, lumped",
-        f"First torsional frequency of a free strut of 1 to {BAR_COUNTS[-1]} elements; the worst (n = {worst}) is shown.",
-        _hertz(measured[worst]),
-        _hertz(lumped[worst]),
-        "Hz",
-        1e-4,
+        f"First torsional frequency of a free strut of 1 to {BAR_COUNTS[-1]} elements",
         "ω = 2n √(GJ/(JL)) sin(π/2n), J the strut's inertia about its axis",
     )
 
 
 def bending_frequency(setting: Setting) -> Case:
     """Every n against the lumped chain."""
-    section = strut_section(setting.prototype)
-    measured = _bending(setting.prototype)
-    lumped = {n: lumped_bending(section, n)[0] for n in COUNTS}
-    worst = _worst(measured, lumped)
-    return Case(
+    return _against_chain(
+        _bending(setting.prototype),
         "bending frequency of a strut, lumped",
-        f"First bending frequency of a strut of {COUNTS[0]} to {COUNTS[-1]} elements with pinned ends; the "
-        f"worst (n = {worst}) is shown.",
-        _hertz(measured[worst]),
-        _hertz(lumped[worst]),
-        "Hz",
-        1e-4,
+        f"First bending frequency of a strut of {COUNTS[0]} to {COUNTS[-1]} elements with pinned ends",
         "ω² = (12 EI/(m′l³)) (1 − cos μ)²/(2 + cos μ), μ = π/n, m′ = m/n, l = L/n: massless Euler–Bernoulli elements, "
         "lumped masses (with the lumped inertias kept, a pair of equations)",
     )
@@ -197,17 +171,11 @@ def bending_frequency(setting: Setting) -> Case:
 
 def bending_limit(setting: Setting) -> Case:
     """Few elements are enough in bending."""
-    section = strut_section(setting.prototype)
-    measured = _bending(setting.prototype)
-    lumped = {n: lumped_bending(section, n)[0] for n in COUNTS}
-    limit = np.pi**2 * np.sqrt(section.ei_n_m2 / (section.mass_kg * section.length_m**3))
-    return Case(
+    return _against_beam(
+        _bending(setting.prototype),
+        4,
+        2e-3,
         "bending frequency of a strut, continuous",
         "First bending frequency of a strut of 4 elements with pinned ends against the continuous beam; the chain is of order n⁻⁴.",
-        _hertz(measured[4]),
-        _hertz(limit),
-        "Hz",
-        2e-3,
         "ω = π² √(EI/(mL³)), Euler–Bernoulli beam with pinned ends",
-        picture=_error_picture(measured, limit, lumped),
     )

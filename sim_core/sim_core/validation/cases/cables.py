@@ -9,7 +9,7 @@ import numpy as np
 
 from sim_core.dynamics import vfife as k
 from sim_core.structure.elements import elements_of
-from sim_core.validation.harness.case import Case, Picture, Setting, curve
+from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 from sim_core.validation.harness.run import Run, ready
 from sim_core.validation.harness.test_bodies import CLAMP, bodies
 
@@ -52,18 +52,14 @@ def cable_slackening(setting: Setting) -> Case:
     exact = np.where(times[:, None] < quarter, first * np.cos(omega * times[:, None]), -first * omega * (times[:, None] - quarter))
     worst = np.abs(gap - exact) / first
     show = (1, 3, 5)
-    lines = [curve(f"closed form, {100 * STRETCHES[i]:g} %", times * 1e3, 1e3 * exact[:, i]) for i in show]
-    dots = [curve(f"solver, {100 * STRETCHES[i]:g} %", times[::20] * 1e3, 1e3 * gap[::20, i], marks=True) for i in show]
+    lines = [Curve(f"closed form, {100 * STRETCHES[i]:g} %", times * 1e3, 1e3 * exact[:, i]) for i in show]
+    dots = [Curve(f"solver, {100 * STRETCHES[i]:g} %", times[::20] * 1e3, 1e3 * gap[::20, i], marks=True) for i in show]
     return Case(
         "rope going slack",
         "A mass let go on a stretched rope swings a quarter period, then flies on free; largest error of its "
         "place, per first stretch.",
-        float(worst.max()),
-        0.0,
-        "1",
-        1e-3,
         "a cos ωt while taut (ω² = k/m), then constant speed aω",
-        relative=False,
+        Comparison(float(worst.max()), 0.0, "1", 1e-3, relative=False),
         picture=Picture("time (ms)", "length − rest length (mm)", (*lines, *dots)),
     )
 
@@ -82,10 +78,7 @@ def self_stress_ratio(setting: Setting) -> Case:
     return Case(
         "self-stress: strut to tendon force",
         "Ratio of strut force to tendon force of the ideal robot (pin joints, no box) after it has come to rest by itself.",
-        float(run.struts[:, k.AXIAL].mean() / tension.mean()),
-        -float(np.sqrt(6.0)),
-        "1",
-        1e-9,
         "virtual work on l² = (d² + (L − d)² + L²)/4 at d = L/2: −√6",
+        Comparison(float(run.struts[:, k.AXIAL].mean() / tension.mean()), -float(np.sqrt(6.0)), "1", 1e-9),
         note=f"Scatter between members: struts {np.ptp(run.struts[:, k.AXIAL]):.1e} N, tendons {np.ptp(tension):.1e} N.",
     )

@@ -15,7 +15,7 @@ from sim_core.structure.arrays import Array
 from sim_core.structure.elements import Elements
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.topology import POINTS_PER_JOINT
-from sim_core.validation.harness.case import Case, Picture, Setting, curve
+from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 from sim_core.validation.harness.run import Run
 from sim_core.validation.harness.test_bodies import bodies
 
@@ -70,13 +70,10 @@ def block_sliding_to_rest(setting: Setting) -> Case:
     return Case(
         "block sliding to rest",
         f"Way of a block that slides to rest, twelve speeds from {SPEEDS_M_S[0]:g} to {SPEEDS_M_S[-1]:g} m/s; the worst is shown.",
-        float(way[worst]),
-        float(exact[worst]),
-        "m",
-        5e-3,
         "v²/(2 μ_k g)",
+        Comparison(float(way[worst]), float(exact[worst]), "m", 5e-3),
         picture=Picture(
-            "speed (m/s)", "way (m)", (curve("v²/(2 μ_k g)", SPEEDS_M_S, exact), curve("solver", SPEEDS_M_S, way, marks=True))
+            "speed (m/s)", "way (m)", (Curve("v²/(2 μ_k g)", SPEEDS_M_S, exact), Curve("solver", SPEEDS_M_S, way, marks=True))
         ),
     )
 
@@ -112,12 +109,8 @@ def slope_below_friction_angle(setting: Setting) -> Case:
     return Case(
         "block on a slope below the friction angle",
         f"Creep in {WATCH_S:g} s of a block on a slope of tan = {SHARES[JUST_BELOW]:g} μ_s, slowly tilted to it and settled.",
-        float(np.abs(ways[:, : JUST_BELOW + 1]).max()),
-        0.0,
-        "m",
-        1e-6,
         "Coulomb: at rest while tan(slope) < μ_s",
-        relative=False,
+        Comparison(float(np.abs(ways[:, : JUST_BELOW + 1]).max()), 0.0, "m", 1e-6, relative=False),
         note=f"The largest of six blocks, {SHARES[0]:g} to {SHARES[JUST_BELOW]:g} μ_s; mass in the plane of the "
         "sole, so that its points share the load.",
     )
@@ -138,19 +131,16 @@ def slope_above_friction_angle(setting: Setting) -> Case:
     return Case(
         "block on a slope above the friction angle",
         f"Acceleration of a block on a slope of tan = {SHARES[JUST_ABOVE]:g} μ_s.",
-        float(measured[JUST_ABOVE]),
-        float(exact[JUST_ABOVE]),
-        "m/s²",
-        1e-3,
         "g (sin φ − μ_k cos φ)",
+        Comparison(float(measured[JUST_ABOVE]), float(exact[JUST_ABOVE]), "m/s²", 1e-3),
         note=f"Every block from {SHARES[JUST_ABOVE]:g} μ_s on slides: the slowest does "
         f"{speeds[JUST_ABOVE:].min():.1f} m/s at the end.",
         picture=Picture(
             "tan(slope) / μ_s",
             "acceleration down the slope (m/s²)",
             (
-                curve("Coulomb", [SHARES[0], 1.0, *line], [0.0, 0.0, *law(line)]),
-                curve("solver", SHARES, measured, marks=True),
+                Curve("Coulomb", [SHARES[0], 1.0, *line], [0.0, 0.0, *law(line)]),
+                Curve("solver", SHARES, measured, marks=True),
             ),
         ),
     )
@@ -167,12 +157,8 @@ def robot_on_slope(setting: Setting) -> Case:
     return Case(
         "robot resting on a slope",
         f"Creep of the robot's joints in {WATCH_S:g} s on TC6 on a slope of 15°, after settling.",
-        float(np.linalg.norm(robot.joints_m() - start, axis=1).max()),
-        0.0,
-        "m",
-        1e-6,
         "Coulomb: at rest while tan(slope) < μ_s (mass damping on: this is a rest)",
-        relative=False,
+        Comparison(float(np.linalg.norm(robot.joints_m() - start, axis=1).max()), 0.0, "m", 1e-6, relative=False),
     )
 
 
@@ -209,18 +195,15 @@ def restitution_law(setting: Setting) -> Case:
         "restitution of a damped contact",
         f"Coefficient of restitution for damping ratios {RATIOS[0]:g} to {RATIOS[-1]:g}; the worst (ratio "
         f"{RATIOS[worst]:.2f}) is shown.",
-        float(measured[worst]),
-        float(exact[worst]),
-        "1",
-        2e-3,
         "e = exp[−(β/ω_d)(π − atan(2βω_d/(ω_d² − β²)))], β = c/2m, ω_d² = k/m − β²: force clipped at zero",
+        Comparison(float(measured[worst]), float(exact[worst]), "1", 2e-3),
         picture=Picture(
             "damping ratio",
             "coefficient of restitution",
             (
-                curve("force clipped at zero", fine, restitution(fine)),
-                curve("unclipped: exp(−πβ/ω_d)", fine, textbook),
-                curve("solver", RATIOS, measured, marks=True),
+                Curve("force clipped at zero", fine, restitution(fine)),
+                Curve("unclipped: exp(−πβ/ω_d)", fine, textbook),
+                Curve("solver", RATIOS, measured, marks=True),
             ),
         ),
     )
@@ -235,10 +218,7 @@ def restitution_at_own_step(setting: Setting) -> Case:
         "restitution at the robot's own time step",
         "Coefficient of restitution at damping ratio 0.3 with the robot's own step; mean of twelve moments "
         "of impact within a step.",
-        float(own.mean()),
-        float(restitution(np.array(0.3))),
-        "1",
-        0.05,
         "the same formula (0.451; the unclipped textbook value is 0.372)",
+        Comparison(float(own.mean()), float(restitution(np.array(0.3))), "1", 0.05),
         note=f"Single impacts: {own.min():.3f} to {own.max():.3f}.",
     )

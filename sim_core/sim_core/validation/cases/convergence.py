@@ -12,7 +12,7 @@ from sim_core.dynamics import vfife as k
 from sim_core.structure.arrays import Array
 from sim_core.structure.rotations import matrix_of
 from sim_core.validation.cases.free_body import OWN_SPIN_RAD_S, tumbling
-from sim_core.validation.harness.case import Case, Picture, Setting, curve
+from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 from sim_core.validation.harness.reference import motion
 from sim_core.validation.harness.run import Run, ready
 from sim_core.validation.harness.test_bodies import bodies
@@ -33,7 +33,7 @@ def _picture(seconds: float, errors: list[float], label: str) -> Picture:
     steps = [seconds / n for n in STEPS]
     second = [errors[-1] * (step / steps[-1]) ** 2 for step in steps]
     return Picture(
-        "time step (s)", label, (curve("order 2", steps, second), curve("solver", steps, errors, marks=True)), True, True
+        "time step (s)", label, (Curve("order 2", steps, second), Curve("solver", steps, errors, marks=True)), True, True
     )
 
 
@@ -66,12 +66,8 @@ def robot_motion(setting: Setting) -> Case:
     return Case(
         "motion of the whole robot",
         f"Largest error of a rotation matrix of the floating, shaking robot after {ROBOT_S:g} s in {STEPS[-1]} steps.",
-        angles[-1],
-        0.0,
-        "1",
-        2e-5,
         "forces by complex-step derivatives of the energy, motion by DOP853 at 10⁻¹⁰",
-        relative=False,
+        Comparison(angles[-1], 0.0, "1", 2e-5, relative=False),
         note=f"Largest error of a position: {errors[-1]:.1e} m.",
     )
 
@@ -83,12 +79,8 @@ def robot_order(setting: Setting) -> Case:
         "order of the time step: whole robot",
         f"Order with which the floating robot's positions after {ROBOT_S:g} s approach the exact motion as "
         "the step is halved thrice.",
-        _order(STEPS, errors),
-        2.0,
-        "1",
-        0.1,
         "as before; 2 is the central difference's order",
-        relative=False,
+        Comparison(_order(STEPS, errors), 2.0, "1", 0.1, relative=False),
         note=f"Order of the rotations: {_order(STEPS, angles):.2f}.",
         picture=_picture(ROBOT_S, errors, "largest error of a particle (m)"),
     )
@@ -120,12 +112,8 @@ def top_order(setting: Setting) -> Case:
     return Case(
         "order of the time step: asymmetric top",
         f"Order with which the attitude of a free top spun about its middle axis after {TOP_S:g} s approaches Euler's equations.",
-        _order(STEPS, errors),
-        2.0,
-        "1",
-        0.1,
         "I ω̇ = −ω × I ω in body axes, DOP853 at 10⁻¹³",
-        relative=False,
+        Comparison(_order(STEPS, errors), 2.0, "1", 0.1, relative=False),
         note=f"Error of the rotation matrix at the finest step: {errors[-1]:.1e}.",
         picture=_picture(TOP_S, errors, "largest error of the rotation matrix"),
     )

@@ -14,7 +14,7 @@ from sim_core.dynamics.model import build_model
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.rotations import matrix_of
-from sim_core.validation.harness.case import Case, Picture, Setting, curve
+from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 from sim_core.validation.harness.reference import elastic_energy, kinetic_energy
 from sim_core.validation.harness.run import Run
 
@@ -28,10 +28,7 @@ ENERGY_S = 10.0
 def tumbling(prototype: Prototype, shake_m_s: float = 0.02, own_spin_rad_s: float = 0.0) -> Run:
     """The robot, floating free: it drifts, tumbles and shakes, and no two principal inertias of its particles are equal.
 
-    Args:
-        prototype: the nominal prototype.
-        shake_m_s: largest random velocity of a particle, in [m/s].
-        own_spin_rad_s: every particle spins by itself as fast as that, so that struts bend and twist, out of one plane.
+    Every particle gets a random velocity, and spins by itself, up to the given ones: so struts bend and twist, out of one plane.
     """
     free = replace(
         prototype,
@@ -86,12 +83,8 @@ def linear_momentum(setting: Setting) -> Case:
     return Case(
         "free body: linear momentum",
         f"Largest relative change of Σ m v of the floating, tumbling, shaking robot over {kept.steps[-1]:,} steps.",
-        max(kept.linear),
-        0.0,
-        "1",
-        1e-9,
         "conservation of momentum",
-        relative=False,
+        Comparison(max(kept.linear), 0.0, "1", 1e-9, relative=False),
     )
 
 
@@ -101,16 +94,12 @@ def angular_momentum(setting: Setting) -> Case:
     return Case(
         "free body: angular momentum",
         f"Largest relative change of Σ (x × m v + s) about a fixed point, unequal inertias, over {kept.steps[-1]:,} steps.",
-        max(kept.angular),
-        0.0,
-        "1",
-        1e-9,
         "conservation of angular momentum; s is the spatial spin",
-        relative=False,
+        Comparison(max(kept.angular), 0.0, "1", 1e-9, relative=False),
         picture=Picture(
             "steps",
             "relative change",
-            (curve("linear momentum", kept.steps, kept.linear), curve("angular momentum", kept.steps, kept.angular)),
+            (Curve("linear momentum", kept.steps, kept.linear), Curve("angular momentum", kept.steps, kept.angular)),
         ),
     )
 
@@ -134,13 +123,9 @@ def energy(setting: Setting) -> Case:
     return Case(
         "free body: energy",
         f"Largest relative change of kinetic + elastic energy of the undamped, vibrating, tumbling robot in {ENERGY_S:g} s.",
-        float(np.abs(change).max()),
-        0.0,
-        "1",
-        0.01,
         "conservation of energy; elastic energy by the potentials in docs/model.md, not by the kernel",
-        relative=False,
+        Comparison(float(np.abs(change).max()), 0.0, "1", 0.01, relative=False),
         note=f"Its drift is {np.polyfit(times, change, 1)[0] * ENERGY_S:.1e} in {ENERGY_S:g} s; the rest is the "
         "leapfrog's bounded ripple.",
-        picture=Picture("time (s)", "relative change of energy", (curve("kinetic + elastic", times, change.tolist()),)),
+        picture=Picture("time (s)", "relative change of energy", (Curve("kinetic + elastic", times, change.tolist()),)),
     )

@@ -15,7 +15,7 @@ import numpy as np
 from sim_core.dynamics import vfife as k
 from sim_core.structure.arrays import Array
 from sim_core.validation.cases.free_body import tumbling
-from sim_core.validation.harness.case import Case, Picture, Setting, curve
+from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 from sim_core.validation.harness.run import Run
 
 SECONDS = 0.2
@@ -103,15 +103,11 @@ def total_against_incremental(setting: Setting) -> Case:
         "beam: total against incremental form",
         "Largest distance, per L, of the particles of two robots, one with each form, floating, tumbling and "
         f"shaking for {SECONDS:g} s.",
-        max(apart),
-        0.0,
-        "L",
-        1e-4,
         "incremental VFIFE beam (reverse motion, accumulated increments): a second implementation",
-        relative=False,
+        Comparison(max(apart), 0.0, "L", 1e-4, relative=False),
         note=f"The particles move by up to {way:.2g} L; the forms agree to first order in an element's deformation "
         "and rotation per step.",
         picture=Picture(
-            "time (s)", "distance between the two robots / L", (curve("total − incremental", times, apart),), log_y=True
+            "time (s)", "distance between the two robots / L", (Curve("total − incremental", times, apart),), log_y=True
         ),
     )

@@ -16,7 +16,7 @@ from scipy.special import ellipeinc, ellipkinc
 
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
-from sim_core.validation.harness.case import Case, Picture, Setting, curve
+from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 from sim_core.validation.harness.run import Run, ready
 from sim_core.validation.harness.test_bodies import Section, chains, held, six_beams
 
@@ -64,21 +64,17 @@ def end_moment_circle(setting: Setting) -> Case:
     shapes = _rolled(setting.prototype)
     errors = [float(np.linalg.norm(shape[-1])) / BEAM.length_m for shape in shapes]
     angle = np.linspace(0.0, 2.0 * np.pi, 100)
-    circle = curve("closed circle", np.sin(angle) / (2.0 * np.pi), (1.0 - np.cos(angle)) / (2.0 * np.pi))
+    circle = Curve("closed circle", np.sin(angle) / (2.0 * np.pi), (1.0 - np.cos(angle)) / (2.0 * np.pi))
     lines = [
-        curve(f"{n} elements", shape[:, 0], shape[:, 1], marks=True)
+        Curve(f"{n} elements", shape[:, 0], shape[:, 1], marks=True)
         for n, shape in zip(COUNTS, shapes, strict=True)
         if n in (8, 12, 32)
     ]
     return Case(
         "cantilever rolled up to a circle",
         f"Distance of the tip from the clamped end under M L/EI = 2π, {COUNTS[-1]} elements, per length.",
-        errors[-1],
-        0.0,
-        "1",
-        0.01,
         "M = EI κ: the beam closes to a circle of radius L/2π",
-        relative=False,
+        Comparison(errors[-1], 0.0, "1", 0.01, relative=False),
         note="By number of elements: " + _listed(COUNTS, errors),
         picture=Picture("x / L", "y / L", (circle, *lines), equal=True),
     )
@@ -94,16 +90,12 @@ def end_moment_order(setting: Setting) -> Case:
     return Case(
         "cantilever rolled up: order in the number of elements",
         f"Order with which the closing error falls from {COUNTS[-2]} to {COUNTS[-1]} elements.",
-        _order(COUNTS, errors),
-        2.0,
-        "1",
-        0.15,
         "sin α = α (1 − α²/6): an element's angle is wrong by n⁻³, the beam's by n⁻²",
-        relative=False,
+        Comparison(_order(COUNTS, errors), 2.0, "1", 0.15, relative=False),
         picture=Picture(
             "elements",
             "distance of tip from clamp / L",
-            (curve("sin α = M l/EI", COUNTS, predicted), curve("solver", COUNTS, errors, marks=True)),
+            (Curve("sin α = M l/EI", COUNTS, predicted), Curve("solver", COUNTS, errors, marks=True)),
             log_x=True,
             log_y=True,
         ),
@@ -114,7 +106,7 @@ def elastica(load: float) -> tuple[float, float]:
     """Tip (x, y) / L of an inextensible cantilever under a dead load P L²/EI at its tip, across the unbent beam.
 
     Bisshopp and Drucker, Quarterly of Applied Mathematics 3 (1945) 272: with 2k² = 1 + sin φ₀, sin φ₁ = 1/(k√2) and α² = P L²/EI,
-    α = K(k) − F(k, φ₁), y/L = 1 − 2 (E(k) − E(k, φ₁))/α, x/L = √(2 sin φ₀)/α. The modulus is found by bisection.
+    α = K(k) − F(k, φ₁), y/L = 1 − 2 (E(k) − E(k, φ₁))/α, x/L = √(2 sin φ₀)/α.
     """
 
     def integrals(k: float) -> tuple[float, float]:
@@ -138,17 +130,14 @@ def elastica_tip_load(setting: Setting) -> Case:
     tips = [elastica(value) for value in LOADS]
     errors = [float(np.linalg.norm(shape[-1] - tip)) for shape, tip in zip(shapes, tips, strict=True)]
     lines = [
-        curve(f"P L²/EI = {value:g}", shape[:, 0], shape[:, 1]) for value, shape in zip(LOADS, shapes, strict=True) if value >= 1.0
+        Curve(f"P L²/EI = {value:g}", shape[:, 0], shape[:, 1]) for value, shape in zip(LOADS, shapes, strict=True) if value >= 1.0
     ]
-    exact = curve("elastica, tip", [tip[0] for tip in tips[1:]], [tip[1] for tip in tips[1:]], marks=True)
+    exact = Curve("elastica, tip", [tip[0] for tip in tips[1:]], [tip[1] for tip in tips[1:]], marks=True)
     return Case(
         "cantilever under a large tip load",
         f"Deflection of the tip, {count} elements, P L²/EI = {LOADS[-1]:g}; the note has the tip's error for every load.",
-        float(shapes[-1][-1, 1]),
-        tips[-1][1],
-        "L",
-        5e-3,
         "elastica by elliptic integrals (Bisshopp and Drucker 1945)",
+        Comparison(float(shapes[-1][-1, 1]), tips[-1][1], "L", 5e-3),
         note="Error of the tip's place / L: " + _listed(LOADS, errors),
         picture=Picture("x / L", "y / L", (*lines, exact), equal=True),
     )
@@ -165,17 +154,13 @@ def elastica_order(setting: Setting) -> Case:
     return Case(
         "cantilever under a large tip load: order in the number of elements",
         f"Order with which the tip's error falls from {TIP_COUNTS[-2]} to {TIP_COUNTS[-1]} elements at P L²/EI = {LOADS[-2]:g}.",
-        _order(TIP_COUNTS, errors),
-        2.0,
-        "1",
-        0.15,
         "as for the end moment",
-        relative=False,
+        Comparison(_order(TIP_COUNTS, errors), 2.0, "1", 0.15, relative=False),
         note="Error / L by number of elements: " + _listed(TIP_COUNTS, errors),
         picture=Picture(
             "elements",
             "error of the tip / L",
-            (curve("order 2", TIP_COUNTS[2:], second[2:]), curve("solver", TIP_COUNTS, errors, marks=True)),
+            (Curve("order 2", TIP_COUNTS[2:], second[2:]), Curve("solver", TIP_COUNTS, errors, marks=True)),
             log_x=True,
             log_y=True,
         ),

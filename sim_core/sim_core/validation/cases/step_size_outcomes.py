@@ -18,7 +18,7 @@ from sim_core.rolling.roll import RollResult
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import checked_policy
 from sim_core.structure.symmetry import TC_TO, TO_TC
-from sim_core.validation.harness.case import Case, Setting
+from sim_core.validation.harness.case import Case, Comparison, Setting
 
 FINER = 8
 STIFFER = 10.0
@@ -57,11 +57,8 @@ def _compared(setting: Setting, other: Prototype, name: str, checked: str, sourc
     return Case(
         name,
         checked,
-        (len(pairs) - len(differing)) / len(pairs),
-        1.0,
-        "1",
-        0.1,
         source,
+        Comparison((len(pairs) - len(differing)) / len(pairs), 1.0, "1", 0.1),
         note=f"{len(pairs)} of {len(jobs)} policies roll in either run; {f'differing: {listed}' if listed else 'none differs'}.",
     )
 

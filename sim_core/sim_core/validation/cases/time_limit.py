@@ -16,7 +16,7 @@ from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.stability import largest_stable_step_s
 from sim_core.dynamics.vibration_modes import REFERENCE_FACE
 from sim_core.structure.parameters import Prototype
-from sim_core.validation.harness.case import Case, Setting
+from sim_core.validation.harness.case import Case, Comparison, Setting
 from sim_core.validation.harness.run import Run
 
 GROWTH = 1e3
@@ -58,12 +58,9 @@ def _case(setting: Setting, stroke_m: float, where: str, ground: bool = False) -
     return Case(
         f"largest stable time step, {where}",
         f"Estimate of the largest stable step against the step at which a run of the robot really diverges, {where}.",
-        1e6 * estimate,
-        1e6 * high,
-        "µs",
-        0.1,
         f"bisection over runs of {STEPS} steps, shaken by {SHAKE_M_S:g} m/s; diverged: a particle {GROWTH:g} "
         "times faster than that",
+        Comparison(1e6 * estimate, 1e6 * high, "µs", 0.1),
     )
 
 

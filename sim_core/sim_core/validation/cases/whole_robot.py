@@ -8,21 +8,19 @@ from dataclasses import replace
 import numpy as np
 
 from sim_core.dynamics import vfife as k
-from sim_core.dynamics.model import Model, build_model
+from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.simd import WIDTH
 from sim_core.dynamics.vibration_modes import REFERENCE_FACE, first_frequency_hz, resting_modes, vibrated_frequency_hz
-from sim_core.errors import LibraryError
 from sim_core.gaits.library import load_library
 from sim_core.rolling.batch import aligned_rows
-from sim_core.structure.arrays import Array
 from sim_core.structure.elements import elements_of
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import lengths_of
 from sim_core.structure.symmetry import GROUP, REFERENCE_TC, REFERENCE_TO
 from sim_core.structure.topology import FACES, JOINTS
-from sim_core.uncertainty.seeded_perturbation import perturb
-from sim_core.validation.harness.case import Case, Picture, Setting, curve
+from sim_core.uncertainty.distribution import perturb
+from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 from sim_core.validation.harness.run import ready
 
 PAPER_HZ = 4.53
@@ -39,11 +37,8 @@ def frequency_by_eigenvalues(setting: Setting) -> Case:
     return Case(
         "first frequency by eigenvalues",
         f"Lowest natural frequency of the robot at rest on {REFERENCE_FACE}, feet sticking, linearised.",
-        first_frequency_hz(model),
-        PAPER_HZ,
-        "Hz",
-        1e-3,
         "the paper's 4.53 Hz, to which the ropes are calibrated",
+        Comparison(first_frequency_hz(model), PAPER_HZ, "Hz", 1e-3),
     )
 
 
@@ -53,11 +48,8 @@ def frequency_by_spectrum(setting: Setting) -> Case:
     return Case(
         "first frequency by spectrum",
         f"Peak of the spectrum of a simulated free vibration on {REFERENCE_FACE}, ζ = 0.",
-        vibrated_frequency_hz(model),
-        PAPER_HZ,
-        "Hz",
-        5e-3,
         "the same",
+        Comparison(vibrated_frequency_hz(model), PAPER_HZ, "Hz", 5e-3),
     )
 
 
@@ -92,12 +84,8 @@ def elements_per_strut(setting: Setting) -> Case:
     return Case(
         "elements per strut",
         "Order with which 1/f², f the robot's first frequency, converges from 2 to 4 to 8 elements per strut.",
-        float(np.log2(steps[1] / steps[2])),
-        2.0,
-        "1",
-        0.15,
         "1/f² goes with the inertia, and a strut of n lumped elements has (mL²/12)(1 + 2/n²), three times the rod's for n = 1",
-        relative=False,
+        Comparison(float(np.log2(steps[1] / steps[2])), 2.0, "1", 0.15, relative=False),
         note="First frequency by elements per strut, on smooth ground: "
         + ", ".join(f"{n}: {value:.4f} Hz" for n, value in zip(COUNTS, f, strict=True))
         + f"; extrapolated {limit:.4f} Hz. Lumped inertia / (mL²/12): "
@@ -107,39 +95,26 @@ def elements_per_strut(setting: Setting) -> Case:
             "elements per strut",
             "first frequency (Hz)",
             (
-                curve("limit, extrapolated", COUNTS, np.full(len(COUNTS), limit)),
-                curve("1/f² = a + b/n² through n = 4 and 8", LINE, (limit**-2.0 + 64.0 * steps[-1] / 3.0 * LINE**-2.0) ** -0.5),
-                curve("solver", COUNTS, f, marks=True),
+                Curve("limit, extrapolated", COUNTS, np.full(len(COUNTS), limit)),
+                Curve("1/f² = a + b/n² through n = 4 and 8", LINE, (limit**-2.0 + 64.0 * steps[-1] / 3.0 * LINE**-2.0) ** -0.5),
+                Curve("solver", COUNTS, f, marks=True),
             ),
         ),
     )
 
 
-def _reference_policy() -> tuple[int, ...]:
-    """A policy that rolls the reference pair, from the shipped library; a plain one without it."""
-    try:
-        return load_library("robust").gaits(REFERENCE_TC, REFERENCE_TO)[0].policy
-    except LibraryError:
-        return (-40, 30, -20, 10, 40, -30)
-
-
-def _body_axes(source: str, model: Model) -> Array:
-    """The rotation that puts this face down in `Robot.placed_on`."""
-    robot = Robot.placed_on(model, source)
-    return robot.body_pose()[1]
-
-
 def equivariance(setting: Setting) -> Case:
     """All 24 gaits of one primitive, rolled side by side until the first one tips."""
-    model, policy = build_model(setting.prototype), _reference_policy()
+    model = build_model(setting.prototype)
+    policy = load_library("robust").gaits(REFERENCE_TC, REFERENCE_TO)[0].policy
     robots, carry = [], []
-    home = _body_axes(REFERENCE_TC, model)
+    home = Robot.placed_on(model, REFERENCE_TC).body_pose()[1]
     for g in GROUP:
         source = g.face(REFERENCE_TC)
         robot = Robot.resting_on(model, source)
         robot.set_targets(lengths_of(model.prototype, g.relabel(policy)))
         robots.append(robot)
-        carry.append(_body_axes(source, model) @ g.matrix @ home.T)
+        carry.append(Robot.placed_on(model, source).body_pose()[1] @ g.matrix @ home.T)
     reference, chunk = robots[0], round(LOOK_S / model.dt_s)
     times, worst, apart = [], [], 0.0
     while reference.footing().face == REFERENCE_TC and reference.step * model.dt_s < 10.0:
@@ -167,14 +142,10 @@ def equivariance(setting: Setting) -> Case:
         "the 24 gaits of a primitive are one motion",
         "Largest difference, per L, between a gait's motion and the reference's carried over, until the "
         f"first tip at {times[-1]:.2f} s.",
-        apart,
-        0.0,
-        "L",
-        1e-9,
         "x′ = Q x + t, Q the isometry that keeps the vertical; the group T_h has 24 elements, 12 of them reflections",
-        relative=False,
+        Comparison(apart, 0.0, "L", 1e-9, relative=False),
         note=landed,
-        picture=Picture("time (s)", "largest difference / L", (curve("24 gaits", times, worst),), log_y=True),
+        picture=Picture("time (s)", "largest difference / L", (Curve("24 gaits", times, worst),), log_y=True),
     )
 
 
@@ -204,11 +175,7 @@ def lanes(setting: Setting) -> Case:
         "a robot alone and in a lane: the same bits",
         f"Numbers of eight robots' states, of {WIDTH * lay.state_rows}, that differ between a run in eight "
         f"lanes and runs alone, {steps} steps.",
-        float(different),
-        0.0,
-        "1",
-        0.0,
         "equality",
-        relative=False,
+        Comparison(float(different), 0.0, "1", 0.0, relative=False),
         note="Eight perturbed robots, put down on eight faces, settling while their struts move.",
     )

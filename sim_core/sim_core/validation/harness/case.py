@@ -4,11 +4,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import NDArray
 
 from sim_core.structure.parameters import Prototype
 
@@ -25,23 +24,16 @@ class Setting(NamedTuple):
     full: bool = True
 
 
-@dataclass(frozen=True)
-class Curve:
+class Curve(NamedTuple):
     """One curve of a picture; `marks` draws points, else a line."""
 
     label: str
-    x: tuple[float, ...]
-    y: tuple[float, ...]
+    x: NDArray[Any] | Sequence[float]
+    y: NDArray[Any] | Sequence[float]
     marks: bool = False
 
 
-def curve(label: str, x: ArrayLike, y: ArrayLike, marks: bool = False) -> Curve:
-    """A curve from any numbers."""
-    return Curve(label, tuple(np.asarray(x, dtype=float).tolist()), tuple(np.asarray(y, dtype=float).tolist()), marks)
-
-
-@dataclass(frozen=True)
-class Picture:
+class Picture(NamedTuple):
     """Data of a picture: curves over axes with units; `equal` keeps lengths on both axes alike."""
 
     x_label: str
@@ -52,29 +44,14 @@ class Picture:
     equal: bool = False
 
 
-@dataclass(frozen=True)
-class Case:
-    """The outcome of one case.
+class Comparison(NamedTuple):
+    """Numbers in `unit` ("1": none); `tolerance` is a share of the reference if `relative`, else in `unit`."""
 
-    Attributes:
-        name: a few words.
-        checked: what is checked, one sentence.
-        source: the reference's formula and where it is from.
-        measured, reference: in `unit` ("1" if they have none).
-        tolerance: of `error`; a share of the reference if `relative`, else in `unit`.
-        note: what else a reader should know; may be empty.
-    """
-
-    name: str
-    checked: str
     measured: float
     reference: float
     unit: str
     tolerance: float
-    source: str
     relative: bool = True
-    note: str = ""
-    picture: Picture | None = None
 
     @property
     def error(self) -> float:
@@ -86,3 +63,22 @@ class Case:
     def passed(self) -> bool:
         """Whether the error is within the tolerance."""
         return bool(math.isfinite(self.measured) and self.error <= self.tolerance)
+
+
+class Case(NamedTuple):
+    """The outcome of one case.
+
+    Attributes:
+        name: a few words.
+        checked: what is checked, one sentence.
+        source: the reference's formula and where it is from.
+        result: what came out.
+        note: what else a reader should know; may be empty.
+    """
+
+    name: str
+    checked: str
+    source: str
+    result: Comparison
+    note: str = ""
+    picture: Picture | None = None

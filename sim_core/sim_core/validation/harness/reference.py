@@ -27,14 +27,7 @@ def _length(vector: Numbers) -> Numbers:
 
 
 def elastic_energy(e: Elements, rest_m: Array, x: Numbers, r: Numbers) -> Numbers:
-    """U of beams and cables for any number of shapes at once.
-
-    Args:
-        e: the robot's elements.
-        rest_m: (6,) rest lengths of the struts.
-        x: (..., P, 3) positions.
-        r: (..., P, 3, 3) rotation matrices.
-    """
+    """U of beams and cables for any number of shapes at once: x (..., P, 3), r (..., P, 3, 3), the struts' rest lengths (6,)."""
     first, second = e.beam_ends.T
     rest = rest_m[e.beam_strut] * e.beam_share
     chord = x[..., second, :] - x[..., first, :]
@@ -80,11 +73,7 @@ def kinetic_energy(e: Elements, r: Array, v: Array, spin: Array) -> float:
 def motion(e: Elements, rest_m: Array, start: tuple[Array, Array, Array, Array], seconds: float) -> tuple[Array, Array]:
     """Positions (P, 3) and rotation matrices (P, 3, 3) after a free motion without gravity, ground and damping.
 
-    Args:
-        e: the robot's elements.
-        rest_m: (6,) rest lengths of the struts.
-        start: x (P, 3), v (P, 3), r (P, 3, 3), spatial spin s (P, 3).
-        seconds: how long.
+    `start`: x (P, 3), v (P, 3), r (P, 3, 3), spatial spin s (P, 3).
     """
     particles = len(e.mass_kg)
     cuts = np.cumsum([3 * particles, 3 * particles, 9 * particles])

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -19,6 +19,15 @@ CLAMP = 1e12
 """Factor on mass or inertia that holds a particle in place."""
 ABSENT = 1e-9
 """Stiffness (N, N m²) of a beam that is to carry nothing."""
+
+
+NO_CABLES: dict[str, Any] = {
+    "cable_ends": np.zeros((0, 2), dtype=np.int32),
+    "cable_stiffness_n_m": np.zeros(0),
+    "cable_rest_m": np.zeros(0),
+    "cable_point_1_m": np.zeros((0, 3)),
+    "cable_point_2_m": np.zeros((0, 3)),
+}
 
 
 class Section(NamedTuple):
@@ -85,11 +94,7 @@ def six_beams(prototype: Prototype, section: Section, counts: Sequence[int]) -> 
         beam_ei_n_m2=np.full(len(ends), s.ei_n_m2),
         beam_gj_n_m2=np.full(len(ends), s.gj_n_m2),
         beam_share=np.array(share),
-        cable_ends=np.zeros((0, 2), dtype=np.int32),
-        cable_stiffness_n_m=np.zeros(0),
-        cable_rest_m=np.zeros(0),
-        cable_point_1_m=np.zeros((0, 3)),
-        cable_point_2_m=np.zeros((0, 3)),
+        **NO_CABLES,
         contact_point_m=np.zeros((k.CONTACTS, 3)),
         ground_stiffness_n_m=np.full(2, ABSENT),
         ground_damping_n_s_m=np.zeros(2),
@@ -111,11 +116,7 @@ def held(elements: Elements, particles: Sequence[int], *, turning: bool = False)
 def bodies(prototype: Prototype, mass_kg: Array, inertia_kg_m2: Array, contact_point_m: Array) -> Elements:
     """Twelve separate rigid bodies in a row along y, 1 m apart, on the prototype's ground; no struts or ropes to speak of.
 
-    Args:
-        prototype: the nominal prototype.
-        mass_kg: (12,).
-        inertia_kg_m2: (12, 3).
-        contact_point_m: (5, 3), alike for all.
+    Masses (12,), inertias (12, 3), and contact points (5, 3), alike for all.
     """
     base = elements_of(replace(prototype, strut_elements=1))
     position = np.zeros((13, 3))
@@ -131,11 +132,7 @@ def bodies(prototype: Prototype, mass_kg: Array, inertia_kg_m2: Array, contact_p
         beam_ea_n=none,
         beam_ei_n_m2=none,
         beam_gj_n_m2=none,
-        cable_ends=np.zeros((0, 2), dtype=np.int32),
-        cable_stiffness_n_m=np.zeros(0),
-        cable_rest_m=np.zeros(0),
-        cable_point_1_m=np.zeros((0, 3)),
-        cable_point_2_m=np.zeros((0, 3)),
+        **NO_CABLES,
         contact_point_m=np.tile(contact_point_m, (12, 1)),
         strut_mid_m=np.ones(6),
         zeta_1_s=0.0,

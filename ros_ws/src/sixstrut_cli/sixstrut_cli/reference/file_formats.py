@@ -25,10 +25,10 @@ class Kind(NamedTuple):
 
 # fmt: off
 KINDS = (
-    Kind("prototype", "sim_core.structure.parameters", "YAML",
+    Kind("prototype", "sim_core.structure.parameter_file", "YAML",
          "every number of a robot, with unit and source", "by hand, `calibrate-model`",
          "`--prototype`, the nodes' `prototype_file`", "sim_core/sim_core/data/prototype.yaml"),
-    Kind("actuators", "sim_core.dynamics.actuators", "YAML",
+    Kind("actuators", "sim_core.structure.parameter_file", "YAML",
          "how the servo actuators behave under load", "by hand", "`--actuators`", "sim_core/sim_core/data/actuators.yaml"),
     Kind("library", "sim_core.gaits.library", "YAML",
          "primitives, with margins, the model's hash, and how they were found", "`search`",

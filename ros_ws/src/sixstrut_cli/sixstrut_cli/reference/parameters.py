@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
 from sim_core.dynamics import actuators
-from sim_core.files.yaml_reader import read_yaml
 from sim_core.structure import parameters
+from sim_core.structure.parameter_file import ParameterFile
 from sixstrut_cli.reference import NOTE, table
 
 HEAD = """\
@@ -43,11 +42,8 @@ def page(_: Path) -> str:
             "",
             *table(("parameter", "default", "valid", "means"), [_node_row(row) for row in fields(settings)]),
         ]
-    for text, file, specs in (
-        (MODEL, parameters.default_path(), parameters.SPECS),
-        (ACTUATORS, actuators.default_path(), actuators.SPECS),
-    ):
-        numbers = _model_rows(read_yaml(file), specs)
+    for text, file in ((MODEL, parameters.FILE), (ACTUATORS, actuators.FILE)):
+        numbers = _model_rows(file)
         lines += ["", text, "", *table(("parameter", "value", "unit", "valid", "source", "means"), numbers)]
     return "\n".join(lines) + "\n"
 
@@ -77,14 +73,14 @@ def _node_row(row: Any) -> tuple[str, str, str, str]:
     return f"`{row.name}`", f"`{default}`" if default else "empty", valid, row.metadata["description"]
 
 
-def _model_rows(document: Any, specs: Mapping[str, parameters.Spec]) -> list[tuple[str, ...]]:
+def _model_rows(file: ParameterFile) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
-    for name, spec in specs.items():
-        given = document[name]
-        value = given["value"]
-        shown = ", ".join(f"{one:g}" for one in value) if isinstance(value, list) else f"{value:.6g}"
+    given = {entry.name: entry for entry in file.load()}
+    for name, spec in file.specs.items():
+        entry = given[name]
+        shown = ", ".join(f"{one:g}" for one in entry.value) if spec.size else f"{entry.value:.6g}"
         valid = (
             f"{spec.low:g} to {spec.high:g}" + (", whole" if spec.whole else "") + (f", {spec.size} of them" if spec.size else "")
         )
-        rows.append((f"`{name}`", shown, spec.unit, valid, given["source"], given.get("note", "")))
+        rows.append((f"`{name}`", shown, spec.unit, valid, entry.source, entry.note))
     return rows

@@ -28,7 +28,7 @@ def robustness_picture(study: Study, blame: Attribution | None, path: Path, titl
             draw_rates(axes, places, [rows[at][1] for at in places], color, label=label)
     axes.set_xticks(range(len(rows)), [primitive.name for primitive, _ in rows], rotation=90, fontsize="small")
     axes.set(ylabel="success rate over gaits and prototypes (%)", xlabel="primitive; bars: 95 % Clopper–Pearson intervals")
-    axes.set_title(study.counts.words, loc="left", fontsize="medium")
+    axes.set_title(study.counts.text, loc="left", fontsize="medium")
     axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncol=2, frameon=False)
 
     histogram = figure.add_subplot(grid[0, 1] if blame is not None else grid[:, 1])

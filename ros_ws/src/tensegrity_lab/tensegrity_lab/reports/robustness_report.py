@@ -52,7 +52,7 @@ def text_of(library: Library, study: Study, blame: Attribution | None, wall_s: f
         source, target = rolls[weakest]
         weak = f"{source}→{target} {gaits[weakest].successes} of {gaits[weakest].trials}"
         lines.append(f"{primitive.name:<12} {primitive.roll_class.name:<8} {shown(rate)}  {weak}")
-    lines += ["", f"primitives: {study.counts.words}", f"all trials: {spread(study.overall)}"]
+    lines += ["", f"primitives: {study.counts.text}", f"all trials: {spread(study.overall)}"]
     if blame is not None:
         lines += ["", *_blame_lines(blame, study)]
     lines += ["", cost_line(study.cost, wall_s), "", ONE_GAIT if study.plan.one_gait else EXCHANGEABLE, VIRTUAL]
@@ -96,7 +96,7 @@ def document_of(library: Library, study: Study, blame: Attribution | None, wall_
     return {
         "library": library.name,
         "library_hash": library.hash,
-        "law": {**vars(plan.law), "words": plan.law.words},
+        "law": {**vars(plan.law), "words": plan.law.text},
         "seed": plan.seed,
         "first": plan.first,
         "prototypes": plan.shape[1],

@@ -28,7 +28,7 @@ def figure_8(groups: Sequence[Group], path: Path) -> None:
         draw_rates(axes, places, group.rates, color, 0.8 * min(1.0, len(places) / 12))
         axes.set_xticks(places, group.names, rotation=90, fontsize="small")
         axes.set(xlim=(-0.6, len(places) - 0.4), ylabel="success rate (%)")
-        axes.set_title(f"{group.title}: {group.counts.words}", loc="left", fontsize="medium")
+        axes.set_title(f"{group.title}: {group.counts.text}", loc="left", fontsize="medium")
     _distributions(figure.add_subplot(grid[:, 1]), groups)
     figure.savefig(path, dpi=110)
 

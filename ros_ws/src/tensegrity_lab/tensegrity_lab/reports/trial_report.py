@@ -240,7 +240,7 @@ def summary_of(report: TrialReport) -> str:
     """The report's key numbers for a terminal."""
     lines = []
     for group in report.groups:
-        lines.append(f"{group.title}: {group.counts.words}")
+        lines.append(f"{group.title}: {group.counts.text}")
         lines.append(f"    all trials: {spread(group.overall)}; {len(group.robots)} prototype(s)")
     if report.test is not None:
         lines.append(f"Mann–Whitney U = {report.test.u:g}, p = {p_text(report.test.p)}, effect A = {report.test.effect:.3f}")

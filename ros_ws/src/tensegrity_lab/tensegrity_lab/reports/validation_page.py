@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from sim_core.validation import TOPICS, Case, Picture
+from sim_core.validation import TOPICS, Case, Comparison, Picture
 from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure
 from tensegrity_lab.reports.markdown import table
 
@@ -23,21 +23,22 @@ def with_unit(value: float, unit: str) -> str:
     return number(value) if unit == "1" else f"{number(value)} {unit}"
 
 
-def allowed(case: Case, unit: bool = True) -> str:
+def allowed(result: Comparison, unit: bool = True) -> str:
     """The tolerance, as it is meant."""
-    if case.relative:
-        return f"± {100.0 * case.tolerance:g} %"
-    return f"± {with_unit(case.tolerance, case.unit if unit else '1')}"
+    if result.relative:
+        return f"± {100.0 * result.tolerance:g} %"
+    return f"± {with_unit(result.tolerance, result.unit if unit else '1')}"
 
 
-def found(case: Case) -> str:
+def found(result: Comparison) -> str:
     """The error, in the tolerance's terms."""
-    return f"{case.error:.1e}" if not case.relative else f"{100.0 * case.error:.2g} %"
+    return f"{result.error:.1e}" if not result.relative else f"{100.0 * result.error:.2g} %"
 
 
 def picture(data: Picture, path: Path, title: str) -> None:
     """One picture, as a small PNG."""
     import matplotlib.pyplot as plt
+    import numpy as np
 
     figure = new_figure(6.4, 3.8)
     axes = figure.add_subplot()
@@ -51,8 +52,9 @@ def picture(data: Picture, path: Path, title: str) -> None:
             axes.plot(curve.x, curve.y, ("-", "--", "-.", ":")[lines % 4], color=color, lw=1.6, label=curve.label)
             lines += 1
     if data.log_x:
-        axes.set_xscale("log", base=2 if max(data.curves[0].x) > 1.0 else 10)
-        if max(data.curves[0].x) > 1.0:
+        widest = np.max(data.curves[0].x)
+        axes.set_xscale("log", base=2 if widest > 1.0 else 10)
+        if widest > 1.0:
             axes.xaxis.set_major_formatter("{x:g}")
     if data.log_y:
         axes.set_yscale("log")
@@ -72,7 +74,7 @@ def write_page(path: Path, cases: Mapping[str, Case], model_hash: str, steps_per
     """Write the page, and beside it the pictures in images/<page's name>/; returns every file written."""
     folder = path.parent / "images" / path.stem
     folder.mkdir(parents=True, exist_ok=True)
-    passed = sum(case.passed for case in cases.values())
+    passed = sum(case.result.passed for case in cases.values())
     out = [
         "# Validation",
         "",
@@ -86,14 +88,15 @@ def write_page(path: Path, cases: Mapping[str, Case], model_hash: str, steps_per
     ]
     files = [path]
     for topic in TOPICS:
-        chosen = {function.__name__: cases[function.__name__] for function in topic.cases if function.__name__ in cases}
+        chosen = {name: cases[name] for name in topic.cases if name in cases}
         if not chosen:
             continue
         out += ["", f"## {topic.title}", "", topic.about, ""]
         rows = []
         for case in chosen.values():
-            values = with_unit(case.measured, case.unit), with_unit(case.reference, case.unit)
-            rows.append((case.name, *values, found(case), allowed(case), "holds" if case.passed else "**FAILS**"))
+            result = case.result
+            values = with_unit(result.measured, result.unit), with_unit(result.reference, result.unit)
+            rows.append((case.name, *values, found(result), allowed(result), "holds" if result.passed else "**FAILS**"))
         out.append(table(("case", "measured", "reference", "error", "tolerance", "verdict"), rows, "lrrrrl"))
         out.append("")
         for name, case in chosen.items():

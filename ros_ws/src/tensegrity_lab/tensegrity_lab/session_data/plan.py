@@ -14,7 +14,7 @@ from typing import NamedTuple
 from sim_core.dynamics.model import Model
 from sim_core.errors import SimError
 from sim_core.gaits.library import Gait, Library, Primitive, gait_of
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.structure.symmetry import class_of, rolls_of
 from sim_core.structure.topology import require_adjacent
@@ -117,7 +117,7 @@ def chosen_gaits(primitives: Iterable[Primitive], words: str) -> list[Gait]:
 def planned(gaits: Sequence[Gait], library: Library, nominal: Model, repeats: int, seed: int) -> list[Slot]:
     """A plan of a library's gaits, each with what the nominal model and the library's counts predict."""
     listed = [NamedGait(gait.name, gait.source, gait.target, gait.policy) for gait in gaits]
-    return make_plan(gaits, verdicts(nominal, listed), FaceGraph(library, load_odds(library)), repeats, seed)
+    return make_plan(gaits, verdicts(nominal, listed), FaceGraph(library, load_success_counts(library)), repeats, seed)
 
 
 def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph, repeats: int, seed: int) -> list[Slot]:
@@ -126,16 +126,14 @@ def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph
     Args:
         gaits: what is to be tried.
         predicted: for each gait, whether the nominal model says that it is feasible.
-        graph: knows the odds.
+        graph: knows how probable gaits are to work.
         repeats: trials of each gait.
         seed: of the order.
     """
     slots = []
     for gait, feasible in zip(gaits, predicted, strict=True):
-        choices = graph.choices(gait.source, gait.target)
-        known = graph.odds is not None or "success" in gait.primitive.margins
-        odds = next(choice.odds for choice in choices if choice.gait.primitive.name == gait.primitive.name)
-        odds = round(odds, DIGITS) if known else math.nan
+        known = graph.believed is not None or "success" in gait.primitive.margins
+        odds = round(graph.probability(gait), DIGITS) if known else math.nan
         facts = (gait.primitive.name, gait.primitive.roll_class.name, gait.source, gait.target)
         slots += [Slot(*facts, repeat, gait.proper, gait.policy, odds, feasible) for repeat in range(1, repeats + 1)]
     random.Random(seed).shuffle(slots)
@@ -172,7 +170,7 @@ def way_to_due(due: Sequence[Slot], face: str, graph: FaceGraph) -> tuple[str, .
             route = graph.route(face, target)
         except SimError:
             continue
-        ways.append((len(route.choices), -route.odds, route.faces))
+        ways.append((len(route.choices), -route.probability, route.faces))
     return min(ways)[2] if ways else ()
 
 

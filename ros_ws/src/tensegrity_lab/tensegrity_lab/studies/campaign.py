@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from sim_core.dynamics.model import build_model
-from sim_core.gaits.library import Library, libraries_folder, load_library
+from sim_core.gaits.library import LIBRARIES, Library, load_library
 from sim_core.structure.parameters import load_prototype
-from sim_core.studies.tasks import Report
+from sim_core.studies.tasks import Reporter
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.reports.trial_report import TrialReport, summary_of
 from tensegrity_lab.session_data.folder import SessionFolder
@@ -63,7 +63,7 @@ class Campaign:
     summaries: list[str]
 
 
-def run(asked: CampaignRequest, bar: Callable[[str], Report], say: Callable[[str], None]) -> Campaign:
+def run(asked: CampaignRequest, bar: Callable[[str], Reporter], say: Callable[[str], None]) -> Campaign:
     """Run a campaign.
 
     Args:
@@ -102,7 +102,7 @@ def run(asked: CampaignRequest, bar: Callable[[str], Report], say: Callable[[str
 
 
 def _libraries(names: Sequence[str]) -> tuple[list[Library], list[str]]:
-    missing = [name for name in names if not name.endswith(".yaml") and not (libraries_folder() / f"{name}.yaml").exists()]
+    missing = [name for name in names if not name.endswith(".yaml") and not (LIBRARIES / f"{name}.yaml").exists()]
     found = [load_library(name) for name in names if name not in missing]
     doubles = [library.name for library in found if [other.name for other in found].count(library.name) > 1]
     if doubles:

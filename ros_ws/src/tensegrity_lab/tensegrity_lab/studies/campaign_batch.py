@@ -14,8 +14,8 @@ from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
 from sim_core.structure.policy import checked_policy
 from sim_core.studies.ensemble_fit import stood_on_target
-from sim_core.studies.tasks import Report, silent
-from sim_core.uncertainty.seeded_perturbation import perturb
+from sim_core.studies.tasks import Reporter, silent
+from sim_core.uncertainty.distribution import perturb
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.folder import SessionFolder, Settings, begin_session, now_text, virtual_robot_text
 from tensegrity_lab.session_data.ledger import Ledger
@@ -35,7 +35,7 @@ def session_of(
     gaits: str,
     perturbation: float,
     seed: int,
-    report: Report = silent,
+    report: Reporter = silent,
 ) -> SessionFolder:
     """Try gaits of a library on the virtual prototype of (perturbation, seed), and write that as a session.
 

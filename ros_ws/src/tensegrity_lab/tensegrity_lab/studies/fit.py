@@ -3,19 +3,18 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
 
 from sim_core.dynamics.model import Model
 from sim_core.errors import ParameterError
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import odds_text
+from sim_core.gaits.success_probability import success_counts_text
 from sim_core.rolling.warm_up import Stage
 from sim_core.studies.ensemble_fit import LEAST, Fit, estimates, fit
-from sim_core.studies.gait_posterior import learned_odds
-from sim_core.studies.gait_prior import fitted_prior, gaits_of, roll_of, shipped_prior
-from sim_core.studies.rehearsal import MEMBERS
+from sim_core.studies.gait_probability import fitted_prior, gaits_of, learned_counts, roll_of, shipped_prior
+from sim_core.studies.rehearsal import DEFAULT_MEMBERS
 from sim_core.uncertainty.ensemble import Posterior, posterior_text
 from sim_core.uncertainty.robot_prior import LABELS, Prior
 from tensegrity_lab.studies.fit_demonstration import FitOptions, Setting, demonstrate, half_ranges
@@ -56,7 +55,7 @@ def fitted(model: Model, tries: Tries, options: FitOptions, with_probabilities: 
     rounds = 1 + options.rounds
     each = options.members * (len({one.roll for one in tries.seen if one.placed}) + sum(not one.placed for one in tries.seen))
     what = f"fitting {options.members} robots to {len(tries.seen)} trials, in {rounds} round(s) at most"
-    later = len(gaits_of(tries.library.primitives)) * MEMBERS if with_probabilities else 0
+    later = len(gaits_of(tries.library.primitives)) * DEFAULT_MEMBERS if with_probabilities else 0
     say_forecast(what + (", then how likely each gait is" if later else ""), rounds * each + later, model)
     with bars("rolls", "nothing was written; the same command gives the same result later") as bar:
         how = (options.prior, options.members, options.seed, options.lapse, options.rounds)
@@ -70,7 +69,7 @@ def write_ensemble(path: Path, model: Model, tries: Tries, found: Fit) -> None:
         **tries.facts,
         "library": tries.library.name,
         "library_hash": tries.library.hash,
-        "prior": found.prior.plain,
+        "prior": asdict(found.prior),
         "fit_seed": found.seed,
         "lapse": found.lapse,
         "lapses": [round(lapse, 4) for lapse in found.lapses],
@@ -89,13 +88,13 @@ def write_probabilities(path: Path, model: Model, tries: Tries, found: Fit | Non
     else:
         gaits = gaits_of(tries.library.primitives)
         with bars("rolls", f"{path} was not written; what is said to be written above is") as bar:
-            known = fitted_prior(model, found, tries.seen, gaits, MEMBERS, bar("how likely each gait is"))
+            known = fitted_prior(model, found, tries.seen, gaits, DEFAULT_MEMBERS, bar("how likely each gait is"))
         how = f"an ensemble fitted to, and gait by gait, {source}"
 
         def prior(gait: Any) -> float:
             return known[roll_of(gait)]
 
-    path.write_text(odds_text(learned_odds(tries.library, prior, tries.counts, options.weight, how)), encoding="utf-8")
+    path.write_text(success_counts_text(learned_counts(tries.library, prior, tries.counts, options.weight, how)), encoding="utf-8")
 
 
 def document_of(tries: Tries, found: Fit | None) -> dict[str, Any]:
@@ -121,7 +120,7 @@ def text_of(tries: Tries, found: Fit | None) -> str:
             f"{one.label:<22} {one.mean:7.3f}  [{one.low:7.3f}, {one.high:7.3f}] {one.told:6.2f}" for one in _estimates(found)
         ]
         sizes = ", ".join(f"{size:.1f}" for size in found.effective_sizes)
-        lines += ["", f"prior: {found.prior.words}", f"{len(found.members)} members; effective size after each round: {sizes}"]
+        lines += ["", f"prior: {found.prior.text}", f"{len(found.members)} members; effective size after each round: {sizes}"]
         if found.lapses[-1] > found.lapse:
             lines.append(
                 f"Too few members foretell all trials: weighed with a lapse rate of {found.lapses[-1]:.2f}, not {found.lapse:g}, "

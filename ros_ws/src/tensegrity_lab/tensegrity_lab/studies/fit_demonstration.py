@@ -18,11 +18,9 @@ from sim_core.search.genetic_search import Search
 from sim_core.search.library_recipes import fitted_to
 from sim_core.studies.binomial_intervals import Rate, rate_of
 from sim_core.studies.ensemble_fit import Estimate, Fit, Seen, estimates, fit, prior_members, stood_on_target, wins_of
-from sim_core.studies.gait_posterior import WEIGHT
-from sim_core.studies.gait_prior import fitted_prior, gaits_of, roll_of
-from sim_core.studies.rehearsal import MEMBERS as DEFAULT_MEMBERS
-from sim_core.studies.rehearsal import SEED as DEFAULT_SEED
-from sim_core.studies.tasks import Report
+from sim_core.studies.gait_probability import WEIGHT, fitted_prior, gaits_of, roll_of
+from sim_core.studies.rehearsal import DEFAULT_MEMBERS, DEFAULT_SEED
+from sim_core.studies.tasks import Reporter
 from sim_core.uncertainty.distribution import Law, sample
 from sim_core.uncertainty.ensemble import Posterior
 from sim_core.uncertainty.importance_weights import LAPSE, beta_mean, log_score, predictive
@@ -39,7 +37,7 @@ PREDICTING = 64
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_posterior.learned_odds`."""
+    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_probability.learned_counts`."""
 
     members: int = 128
     rounds: int = 2
@@ -114,7 +112,7 @@ def hidden_robot(prior: Prior, seed: int, number: int) -> Member:
     return base._replace(friction=float(rng.uniform(*LOW_FRICTION)), slope_deg=slope)
 
 
-def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[[str], Report]) -> Demonstration:
+def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[[str], Reporter]) -> Demonstration:
     """Run it. The same setting gives the same figures.
 
     Args:
@@ -146,7 +144,7 @@ def demonstrate(model: Model, library: Library, setting: Setting, bar: Callable[
     return Demonstration(setting, library, len(gaits), len(gaits) - setting.trials, tuple(cases))
 
 
-def _default_probabilities(model: Model, gaits: Sequence[Gait], lapse: float, report: Report) -> NDArray[np.float64]:
+def _default_probabilities(model: Model, gaits: Sequence[Gait], lapse: float, report: Reporter) -> NDArray[np.float64]:
     members = sample(model, DEFAULT_LAW, DEFAULT_MEMBERS, DEFAULT_SEED)
     jobs = [Job(k, gait.source, gait.policy, gait.target) for k in range(len(members)) for gait in gaits]
     wins = np.array([stood_on_target(result) for result in Batch(members).run(jobs, report)]).reshape(len(members), -1)
@@ -162,7 +160,7 @@ def _case(
     tried: NDArray[np.int64],
     first: NDArray[np.bool_],
     default: NDArray[np.float64],
-    report: Report,
+    report: Reporter,
 ) -> RobotCase:
     seen = [Seen(roll_of(gaits[i]), bool(truth[i]), True) for i in tried]
     how = (setting.prior, setting.members, setting.seed, setting.lapse, setting.rounds)
@@ -185,7 +183,7 @@ def _case(
     return RobotCase(hidden, found, told, int(truth[tried].sum()), steepness, (scores[0], scores[1], scores[2]), chosen, None)
 
 
-def _searched(model: Model, setting: Setting, case: RobotCase, report: Report) -> Library:
+def _searched(model: Model, setting: Setting, case: RobotCase, report: Reporter) -> Library:
     """The library that a search finds on the fitted ensemble."""
     posterior = Posterior(model.hash, {"demonstration": setting.seed}, setting.prior.noise, case.found.members, case.found.weights)
     search = Search(model.prototype, fitted_to(posterior))
@@ -195,7 +193,7 @@ def _searched(model: Model, setting: Setting, case: RobotCase, report: Report) -
     return search.library()
 
 
-def _won(model: Model, robots: Sequence[Member], library: Library, report: Report) -> NDArray[np.bool_]:
+def _won(model: Model, robots: Sequence[Member], library: Library, report: Reporter) -> NDArray[np.bool_]:
     """Which of all the library's gaits each robot wins, (robots, gaits)."""
     return wins_of(model, robots, [(roll_of(gait), True) for gait in gaits_of(library.primitives)], report)
 

@@ -6,8 +6,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from sim_core.studies.ensemble_fit import LEAST
-from sim_core.studies.gait_posterior import WEIGHT
-from sim_core.studies.rehearsal import MEMBERS as DEFAULT_MEMBERS
+from sim_core.studies.gait_probability import WEIGHT
+from sim_core.studies.rehearsal import DEFAULT_MEMBERS
 from tensegrity_lab.reports.markdown import table
 from tensegrity_lab.studies.fit_demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Demonstration, RobotCase
 
@@ -52,9 +52,9 @@ def page_of(shown: Demonstration, model_hash: str) -> str:
         f"Model `{model_hash}`; library `{shown.library.name}` ({shown.library.hash}), the first {s.primitives} primitives of each",
         f"class; seed {s.seed}. Each hidden robot stands on a floor that is tilted by {TILT_DEG:g} degrees in a direction of its",
         f"own, with {low:g} to {high:g} % of the drawing's friction. Of its {shown.gaits} gaits {s.trials} are tried, drawn by the",
-        f"seed, and {shown.held_out} are held out. The fit does not know the robot, but a prior ({s.prior.words}).",
+        f"seed, and {shown.held_out} are held out. The fit does not know the robot, but a prior ({s.prior.text}).",
         f"It draws {s.members} members in each of up to {s.rounds + 1} rounds; lapse rate {s.lapse:g}, raised until the effective",
-        f"size is {LEAST:g}. The default ensemble is that of `rehearse`: {DEFAULT_MEMBERS} robots, {DEFAULT_LAW.words}.",
+        f"size is {LEAST:g}. The default ensemble is that of `rehearse`: {DEFAULT_MEMBERS} robots, {DEFAULT_LAW.text}.",
         "",
         "## What the fits say",
         "",

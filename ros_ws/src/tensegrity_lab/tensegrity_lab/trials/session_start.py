@@ -21,7 +21,7 @@ from hardware_bridge.prototype_client.handshake import read_handshake
 from sim_core.dynamics.actuators import require_actuators
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import Library, load_library
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.parameters import load_prototype
@@ -249,7 +249,7 @@ class _Run:
     def _hands(self, keys: Keys | None, panel: Panel) -> Hands:
         owns, library = not self._asked.hardware.port, self._folder.library
         if self._automatic:
-            return Observer(FaceGraph(library, load_odds(library)), owns, panel.line)
+            return Observer(FaceGraph(library, load_success_counts(library)), owns, panel.line)
         assert keys is not None
         return Person(keys, panel, owns)
 

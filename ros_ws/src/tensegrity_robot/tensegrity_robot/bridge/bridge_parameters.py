@@ -12,9 +12,9 @@ from hardware_bridge.calibration.pulse_map import load_calibration
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.limits import Limits, Pacing
 from hardware_bridge.safety.shape_cache import ShapeCheck
-from sim_core.gaits.library import libraries_folder, load_library
+from sim_core.gaits.library import LIBRARIES, load_library
 from sim_core.structure.elements import elements_of
-from sim_core.structure.parameters import default_path, load_prototype
+from sim_core.structure.parameters import FILE, load_prototype
 from sim_core.twin.model_versions import label_of
 from tensegrity_robot.ros.node_parameters import parameter
 
@@ -84,7 +84,7 @@ def rules_of(p: BridgeParameters, shape_check: ShapeCheck) -> Rules:
 
 def session_files(p: BridgeParameters) -> tuple[dict[str, bytes], dict[str, str]]:
     """Files that go into the bag, and their hashes. Raises SimError, OSError."""
-    library = Path(p.library) if Path(p.library).suffix == ".yaml" else libraries_folder() / f"{p.library}.yaml"
+    library = Path(p.library) if Path(p.library).suffix == ".yaml" else LIBRARIES / f"{p.library}.yaml"
     prototype = load_prototype(p.prototype_file or None)
     facts = {
         "library": load_library(p.library).hash,
@@ -94,7 +94,7 @@ def session_files(p: BridgeParameters) -> tuple[dict[str, bytes], dict[str, str]
     default = files("hardware_bridge") / "data" / "calibration_default.yaml"
     attachments = {
         "library.yaml": library.read_bytes(),
-        "prototype.yaml": (Path(p.prototype_file) if p.prototype_file else default_path()).read_bytes(),
+        "prototype.yaml": (Path(p.prototype_file) if p.prototype_file else FILE.path).read_bytes(),
         "calibration.yaml": Path(p.calibration).read_bytes() if p.calibration else default.read_bytes(),
     }
     return attachments, facts

@@ -21,19 +21,29 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from hardware_bridge.errors import may_be_sent_again
 from sim_core.errors import RollRefused, SimError
 from sim_core.gaits.library import Gait, load_library
-from sim_core.gaits.roll_sequence import Lengths, Move, Outcome, Phase, Plan, RollSequence, Rules, Seen, View, known_face
+from sim_core.gaits.roll_sequence import (
+    Lengths,
+    Move,
+    Phase,
+    RollOutcome,
+    RollPlan,
+    RollRules,
+    RollSequence,
+    Seen,
+    View,
+    known_face,
+)
 from sim_core.gaits.strut_motion import Knot, constant_speed_knots
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.names import STRUT_NAMES
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage, is_warm
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import lengths_of, neutral_lengths
 from sim_core.structure.topology import require_adjacent
-from sim_core.studies.rehearsal import SEED
+from sim_core.studies.rehearsal import DEFAULT_SEED
 from sim_core.twin.live_bridge import LiveBridge
-from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, Law
-from sim_core.uncertainty.seeded_perturbation import MAX_SCALE
+from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, MAX_SCALE, Law
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot.planner.lease_client import CALL_TIMEOUT_S, Lease
@@ -115,9 +125,9 @@ class GaitPlannerNode(Node):
         super().__init__("gait_planner")
         self._settings = p = declare_parameters(self, PlannerParameters)
         self._library = load_library(p.library)
-        self._graph = FaceGraph(self._library, load_odds(self._library, Path(p.odds_file) if p.odds_file else None))
+        self._graph = FaceGraph(self._library, load_success_counts(self._library, Path(p.odds_file) if p.odds_file else None))
         self._prototype = load_prototype(p.prototype_file or None)
-        self._rules = Rules(
+        self._rules = RollRules(
             tuple(float(length) for length in neutral_lengths(self._prototype)),
             p.confirm == "observed",
             p.settle_timeout_s,
@@ -142,7 +152,7 @@ class GaitPlannerNode(Node):
         self._struts = ActionClient(self, ExecuteStruts, "execute_struts")
         self._rehearsals = topics.REHEARSAL.publisher(self)
         self._rehearser = (
-            Rehearser(self._prototype, Law(p.rehearse_scale, incline_deg=p.rehearse_incline_deg), p.rehearse_members, SEED)
+            Rehearser(self._prototype, Law(p.rehearse_scale, incline_deg=p.rehearse_incline_deg), p.rehearse_members, DEFAULT_SEED)
             if p.rehearse_members
             else None
         )
@@ -273,12 +283,12 @@ class GaitPlannerNode(Node):
         self._roll = roll = _Running(goal, RollSequence(self._rules, lambda face: self._plan(request, face)))
         try:
             self._look()
-            outcome: Outcome = await roll.done
+            outcome: RollOutcome = await roll.done
             return self._result(roll, outcome)
         finally:
             self._roll = None
 
-    def _plan(self, request: Roll.Goal, source: str) -> Plan:
+    def _plan(self, request: Roll.Goal, source: str) -> RollPlan:
         """The gait from the face known now. Raises SimError, naming what is valid."""
         roll = self._roll
         assert roll is not None
@@ -289,9 +299,9 @@ class GaitPlannerNode(Node):
                 "stands with set_face"
             )
         roll.gait = gait = wanted_gait(self._graph, source, request.target_face, request.primitive)
-        return Plan(source, request.target_face, _lengths(lengths_of(self._prototype, gait.policy)))
+        return RollPlan(source, request.target_face, _lengths(lengths_of(self._prototype, gait.policy)))
 
-    def _result(self, roll: _Running, outcome: Outcome) -> Roll.Result:
+    def _result(self, roll: _Running, outcome: RollOutcome) -> Roll.Result:
         if roll.cancelled_at is not None and roll.goal.is_cancel_requested:
             roll.goal.canceled()
         elif outcome.success:
@@ -366,7 +376,7 @@ class GaitPlannerNode(Node):
             except SimError as error:
                 self._end_with(roll, str(error))
                 return
-            if isinstance(step, Outcome):
+            if isinstance(step, RollOutcome):
                 self._close(step)
             elif step is not None:
                 self._do(step)
@@ -418,7 +428,7 @@ class GaitPlannerNode(Node):
             roll.motion.cancel_goal_async()
         self._close(roll.sequence.end(self._view(), reason))
 
-    def _close(self, outcome: Outcome) -> None:
+    def _close(self, outcome: RollOutcome) -> None:
         roll = self._roll
         if roll is not None and not roll.done.done():
             roll.done.set_result(outcome)

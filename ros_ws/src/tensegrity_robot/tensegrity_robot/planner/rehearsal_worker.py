@@ -73,7 +73,7 @@ def rehearsal_message(found: Rehearsing, law: Law) -> Rehearsal:
     return Rehearsal(
         source_face=found.wanted.gait.source,
         gaits=[_gait_message(rehearsed) for rehearsed in found.gaits],
-        ensemble=law.words,
+        ensemble=law.text,
         duration_s=found.seconds,
     )
 

@@ -57,7 +57,7 @@ def _asked(graph: Graph, request: FaceGraph.Request) -> tuple[Iterable[Choice], 
             require_face(face)
     if source and target and target not in NEIGHBOURS[source]:
         route = graph.route(source, target)
-        return route.choices, route.odds, f"route {' → '.join(route.faces)}"
+        return route.choices, route.probability, f"route {' → '.join(route.faces)}"
     rolls = [
         (a, b) for a, targets in NEIGHBOURS.items() for b in targets if (not source or a == source) and (not target or b == target)
     ]
@@ -73,7 +73,7 @@ def _message(choice: Choice) -> GaitOdds:
         primitive=gait.primitive.name,
         proper=gait.proper,
         policy_mm=list(gait.policy),
-        odds=choice.odds,
+        odds=choice.probability,
         inside_mm=float(gait.primitive.margins.get("inside_mm", math.nan)),
     )
 
@@ -82,7 +82,7 @@ def serve_rehearse(node: GaitPlannerNode, graph: Graph, rehearser: Rehearser | N
     """Offer to try a roll on perturbed twins before anybody decides for it. `rehearser`: None: the planner rehearses nothing."""
 
     def likelihood(source: str, target: str) -> float:
-        return max((choice.odds for choice in graph.choices(source, target)[:1]), default=0.0)
+        return max((choice.probability for choice in graph.choices(source, target)[:1]), default=0.0)
 
     async def answer(request: Rehearse.Request, response: Rehearse.Response) -> Rehearse.Response:
         try:

@@ -26,9 +26,9 @@ from std_msgs.msg import Header
 
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.planning.floor_planner import REACH_M, Floor, Stance
-from sim_core.planning.travel import End, Journey, Rules, Step
+from sim_core.planning.travel import Journey, JourneyEnd, Step, TravelRules
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.live_bridge import FRESH_S, LiveBridge, age_s, is_fresh
@@ -89,7 +89,7 @@ class TravellerNode(Node):
         super().__init__("traveller")
         self._settings = p = declare_parameters(self, TravellerParameters)
         self._library = load_library(p.library)
-        self._odds = load_odds(self._library, Path(p.odds_file) if p.odds_file else None)
+        self._counts = load_success_counts(self._library, Path(p.odds_file) if p.odds_file else None)
         prototype = load_prototype(p.prototype_file or None)
         self._speed_m_s = prototype.actuator_speed_m_s
         self._floor = Floor(build_model(prototype))
@@ -232,16 +232,16 @@ class TravellerNode(Node):
             handle.abort()
             return Travel.Result(reason="another travel is running")
         request, p = handle.request, self._settings
-        rules = Rules(request.reach_m or p.reach_m, int(request.most_rolls) or p.most_rolls, p.use_odds)
+        rules = TravelRules(request.reach_m or p.reach_m, int(request.most_rolls) or p.most_rolls, p.use_odds)
         place = request.goal.pose.position
-        journey = Journey(self._floor, self._library, self._odds, (place.x, place.y), rules)
+        journey = Journey(self._floor, self._library, self._counts, (place.x, place.y), rules)
         self._travel = travel = _Travel(handle, journey)
         self._goal.publish(request.goal)
         self.get_logger().info(f"travel to {place.x:.2f}, {place.y:.2f} m")
         try:
             end = await self._go(travel, bool(request.anyway))
         except _Ended as ended:
-            end = End(False, str(ended))
+            end = JourneyEnd(False, str(ended))
         finally:
             self._travel = None
         self._show(request.goal, None)
@@ -265,14 +265,14 @@ class TravellerNode(Node):
             face_sequence=journey.faces,
         )
 
-    async def _go(self, travel: _Travel, anyway: bool) -> End:
+    async def _go(self, travel: _Travel, anyway: bool) -> JourneyEnd:
         await self._until(travel, lambda: self._bridge is not None and self._joints(0.0) is not None, FOUND_LIMIT_S, _ALONE)
         await self._same_library(travel)
         since = 0.0
         while True:
             stance = await self._stance(travel, since)
             found = travel.journey.look(stance)
-            if isinstance(found, End):
+            if isinstance(found, JourneyEnd):
                 return found
             travel.step = found
             self._show(travel.handle.request.goal, found)
@@ -383,7 +383,7 @@ class TravellerNode(Node):
                 left_m=math.hypot(goal.x - center[0], goal.y - center[1]),
                 rolls=travel.journey.rolls,
                 rolls_left=len(step.way.choices) if step is not None else 0,
-                odds=step.way.odds if step is not None else math.nan,
+                odds=step.way.probability if step is not None else math.nan,
                 target_face=step.gait.target if step is not None and travel.roll is not None else "",
             )
         )

@@ -15,10 +15,9 @@ from hardware_bridge.errors import BridgeError
 from hardware_bridge.recording.session_bag import bag_folder
 from sim_core.errors import SimError
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import load_odds
+from sim_core.gaits.success_probability import load_success_counts
 from sim_core.structure.topology import require_face
-from sim_core.uncertainty.distribution import MAX_INCLINE_DEG
-from sim_core.uncertainty.seeded_perturbation import MAX_SCALE
+from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, MAX_SCALE
 from tensegrity_robot.ros.errors import StartError
 
 ARGUMENTS = (
@@ -79,7 +78,7 @@ def require_arguments(given: Mapping[str, str], prefix_of: Callable[[str], str])
         require_face(given["start_face"])
         parse_board(given["board"])
         load_calibration(given["calibration"] or None)
-        load_odds(load_library(given["library"]))
+        load_success_counts(load_library(given["library"]))
     except (BridgeError, SimError, OSError) as error:
         raise StartError(str(error)) from error
     _require_bags(bag_folder(given["bags"]))

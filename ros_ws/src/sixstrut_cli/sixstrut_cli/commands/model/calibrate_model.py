@@ -39,10 +39,10 @@ def command(
     from sim_core.dynamics.model import build_model
     from sim_core.dynamics.vibration_modes import calibrated, first_frequency_hz, vibrated_frequency_hz
     from sim_core.rolling.warm_up import Stage
-    from sim_core.structure.parameters import default_path, load_prototype, rewritten, with_value
+    from sim_core.structure.parameters import FILE, load_prototype, rewritten, with_value
     from tensegrity_lab.terminal.compile_notice import compile_first
 
-    text = (prototype or default_path()).read_text(encoding="utf-8") if prototype is None or prototype.exists() else ""
+    text = (prototype or FILE.path).read_text(encoding="utf-8") if prototype is None or prototype.exists() else ""
     robot = load_prototype(prototype)
     changes: dict[str, tuple[Any, str, str]] = {}
     for name, value in map(_quantity, measured or []):

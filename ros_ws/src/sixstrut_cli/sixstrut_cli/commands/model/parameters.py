@@ -13,8 +13,9 @@ import typer
 
 from sim_core.gaits.library import load_library
 from sim_core.structure.elements import elements_of
-from sim_core.structure.parameters import Entry, Prototype, load_entries, load_prototype
-from sim_core.studies.sensitivity import EACH, Influence, influences, stored_influences, stored_path, text_of
+from sim_core.structure.parameter_file import Entry
+from sim_core.structure.parameters import FILE, Prototype, load_prototype
+from sim_core.studies.sensitivity import EACH, STORED, Influence, influences, stored_influences, text_of
 from sim_core.twin.model_versions import label_of
 from sixstrut_cli import options
 from sixstrut_cli.outputs import announce, in_folder, wrote
@@ -44,7 +45,7 @@ def command(
         words_picture(in_folder(picture), load_prototype(prototype))
         wrote(picture)
         return
-    entries = load_entries(prototype)
+    entries = FILE.load(prototype)
     robot = Prototype(**{entry.name: entry.value for entry in entries})
     elements = elements_of(robot)
     if export == "json":
@@ -81,7 +82,7 @@ def _computed(robot: Prototype, keep: bool) -> dict[str, Influence]:
     with bars("rolls", "nothing was written") as bar:
         found = influences(robot, library, report=bar("varying one number at a time"))
     if keep:
-        stored_path().write_text(text_of(robot, library, EACH, found), encoding="utf-8")
+        STORED.write_text(text_of(robot, library, EACH, found), encoding="utf-8")
     return found
 
 

@@ -34,7 +34,7 @@ def command(
     announce(f"rolling {members} robots, some seconds")
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import gait_of, load_library
-    from sim_core.gaits.success_probability import load_odds
+    from sim_core.gaits.success_probability import load_success_counts
     from sim_core.planning.face_graph import FaceGraph
     from sim_core.rolling.warm_up import Stage
     from sim_core.structure.parameters import load_prototype
@@ -49,7 +49,7 @@ def command(
     if target is not None:
         require_adjacent(source, target)
     shelf = load_library(library)
-    graph = FaceGraph(shelf, load_odds(shelf))
+    graph = FaceGraph(shelf, load_success_counts(shelf))
     targets = [target] if target else list(NEIGHBOURS[source])
     gaits = [gait_of(shelf.primitive(primitive), source, t) if primitive else graph.best(source, t).gait for t in targets]
     compile_first(Stage.BATCH)

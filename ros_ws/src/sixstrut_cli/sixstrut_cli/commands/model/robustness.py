@@ -62,11 +62,11 @@ def command(
     announce(f"rolling the gaits of {library} on perturbed prototypes; how long it takes is measured first")
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import load_library
-    from sim_core.gaits.success_probability import odds_text
+    from sim_core.gaits.success_probability import success_counts_text
     from sim_core.structure.parameters import load_prototype
     from sim_core.studies.attribution import attribute
     from sim_core.studies.dask_runner import runner_of
-    from sim_core.studies.robustness import HELD_OUT_SEED, Plan, odds_of, require_held_out, study
+    from sim_core.studies.robustness import HELD_OUT_SEED, StudyPlan, require_held_out, study, success_counts_of
     from sim_core.studies.tasks import compile_kernels
     from sim_core.uncertainty.distribution import Law, groups_of
     from tensegrity_lab.reports.robustness_plot import robustness_picture
@@ -78,7 +78,7 @@ def command(
 
     robot, shelf = load_prototype(prototype), load_library(library)
     law = Law(scale, groups_of(groups), correlation, design, incline)
-    plan = Plan(law, HELD_OUT_SEED if seed is None else seed, QUICK_PROTOTYPES if quick else prototypes, one_gait, first)
+    plan = StudyPlan(law, HELD_OUT_SEED if seed is None else seed, QUICK_PROTOTYPES if quick else prototypes, one_gait, first)
     require_held_out(shelf, plan.seed)
     primitives = shelf.primitives
     if quick:
@@ -98,7 +98,7 @@ def command(
     if tables is not None:
         write_tables(found, blame, tables)
     if odds is not None:
-        in_folder(odds).write_text(odds_text(odds_of(shelf, found)), encoding="utf-8")
+        in_folder(odds).write_text(success_counts_text(success_counts_of(shelf, found)), encoding="utf-8")
     if picture is None and not as_json:
         picture = output_folder("robustness") / f"{shelf.name}.png"
     if picture is not None:

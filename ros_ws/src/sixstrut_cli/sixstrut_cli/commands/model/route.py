@@ -14,7 +14,7 @@ from sixstrut_cli import options
 from sixstrut_cli.outputs import announce, say
 
 if TYPE_CHECKING:
-    from sim_core.gaits.success_probability import Odds
+    from sim_core.gaits.success_probability import SuccessCounts
 
 
 def command(
@@ -38,12 +38,12 @@ def command(
     """
     announce(f"from {source} to {' '.join(target)}, a second or two")
     from sim_core.gaits.library import load_library
-    from sim_core.gaits.success_probability import load_odds
+    from sim_core.gaits.success_probability import load_success_counts
     from sim_core.planning.face_graph import FaceGraph
     from sim_core.studies.binomial_intervals import counted
 
     shelf = load_library(library)
-    known = load_odds(shelf, odds)
+    known = load_success_counts(shelf, odds)
     graph = FaceGraph(shelf, known)
     if len(target) > 1 or "," in target[0]:
         from sim_core.dynamics.model import build_model
@@ -56,12 +56,12 @@ def command(
         goal_m, start = options.place_of(target), Stance(require_face(source), 0.0, 0.0, 0.0)
         compile_first(Stage.ROBOT)
         way = Floor(build_model(load_prototype())).way(start, goal_m, graph, reach)
-        faces, probability, choices = tuple(stance.face for stance in way.stances), way.odds, way.choices
+        faces, probability, choices = tuple(stance.face for stance in way.stances), way.probability, way.choices
         places = [(stance.x_m, stance.y_m) for stance in way.stances[1:]]
         end = f"; ends {100 * way.left_m:.0f} cm from the place" + ("" if way.reaches else ": no nearer way was found")
     else:
         route = graph.route(source, target[0])
-        faces, probability, choices, places, end = route.faces, route.odds, route.choices, [], ""
+        faces, probability, choices, places, end = route.faces, route.probability, route.choices, [], ""
     if as_json:
         rolls = [
             {
@@ -69,7 +69,7 @@ def command(
                 "to": gait.target,
                 "primitive": gait.primitive.name,
                 "policy_mm": gait.policy,
-                "odds": choice.odds,
+                "odds": choice.probability,
             }
             for choice in choices
             for gait in [choice.gait]
@@ -82,13 +82,13 @@ def command(
         where = f", to {places[number][0]:+.2f} {places[number][1]:+.2f} m" if places else ""
         mirror = "" if gait.proper else " (mirror)"
         tries = known.tries(gait) if known else None
-        likely = counted(*tries) if tries else f"probability {100 * choice.odds:.0f} %"
+        likely = counted(*tries) if tries else f"probability {100 * choice.probability:.0f} %"
         say(f"{gait.name}{mirror}: {' '.join(f'{v:+d}' for v in gait.policy)} mm; {likely}{where}")
     say(f"{' → '.join(faces)}: {len(choices)} rolls, all of them work with a probability of {100 * probability:.0f} %{end}")
     say(f"known from: {_basis(known)}")
 
 
-def _basis(known: Odds | None) -> str:
+def _basis(known: SuccessCounts | None) -> str:
     """Where the probabilities come from, in a few words."""
     if known is None:
         return "success in training, one rate for a primitive's 24 gaits"

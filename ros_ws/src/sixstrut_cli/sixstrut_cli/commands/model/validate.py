@@ -66,7 +66,7 @@ def command(
             seconds[name] = perf_counter() - began
             report(number, len(chosen))
     files = write_page(path, results, model.hash, model.steps_per_second)
-    failed = [name for name, case in results.items() if not case.passed]
+    failed = [name for name, case in results.items() if not case.result.passed]
     if as_json:
         typer.echo(json.dumps(_document(results, seconds, model.hash), indent=1))
     else:
@@ -83,9 +83,19 @@ def _document(results: dict[str, Case], seconds: dict[str, float], model_hash: s
     return {
         "schema": 1,
         "model_hash": model_hash,
-        "passed": all(case.passed for case in results.values()),
+        "passed": all(case.result.passed for case in results.values()),
         "cases": [
-            {"case": name, **{key: getattr(case, key) for key in TOLD}, "seconds": round(seconds[name], 2)}
+            {
+                "case": name,
+                "name": case.name,
+                "checked": case.checked,
+                **case.result._asdict(),
+                "error": case.result.error,
+                "passed": case.result.passed,
+                "source": case.source,
+                "note": case.note,
+                "seconds": round(seconds[name], 2),
+            }
             for name, case in results.items()
         ],
     }
@@ -95,5 +105,6 @@ def _print_cases(results: dict[str, Case]) -> None:
     from tensegrity_lab.reports.validation_page import allowed, number, with_unit
 
     for name, case in results.items():
-        verdict, measured = "holds" if case.passed else "FAILS", with_unit(case.measured, case.unit)
-        say(f"{verdict}  {name}: {measured}, reference {number(case.reference)} {allowed(case, unit=False)}")
+        result = case.result
+        verdict, measured = "holds" if result.passed else "FAILS", with_unit(result.measured, result.unit)
+        say(f"{verdict}  {name}: {measured}, reference {number(result.reference)} {allowed(result, unit=False)}")
