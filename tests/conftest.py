@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """For all tests: how hypothesis draws, and an end to a run that has a limit."""
 
-from __future__ import annotations
-
 import os
 import time
 

@@ -10,8 +10,6 @@ Standard library only. Exit codes of its own: 2 wrong usage, 3 this machine or t
 130 interrupted.
 """
 
-from __future__ import annotations
-
 import os
 import shutil
 import signal

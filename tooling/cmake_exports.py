@@ -6,8 +6,6 @@ numpy. A package built on top of them (ours is one) would look there, and CMake 
 not exist.
 """
 
-from __future__ import annotations
-
 import os
 import re
 import tempfile

@@ -6,8 +6,6 @@ ROS that the user has sourced, or another checkout's environment, is taken out f
 in one process end in crashes.
 """
 
-from __future__ import annotations
-
 import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One set-up at a time in one checkout."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where set-up puts things, and the error it raises."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 

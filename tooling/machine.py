@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Is this machine one that the packages run on? Every problem is named with its remedy, all at once."""
 
-from __future__ import annotations
-
 import os
 import platform
 import shutil

@@ -4,8 +4,6 @@
 Packages come in groups. `base` is what every command needs; the others are added when a command first needs them.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import shutil

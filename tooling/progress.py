@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a person sees during set-up. Everything goes to stderr, so that a command's own output stays clean."""
 
-from __future__ import annotations
-
 import shutil
 import sys
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Reads a lock of requirements/: which packages, with which hashes, hold for which Python."""
 
-from __future__ import annotations
-
 import operator
 import re
 from collections.abc import Callable

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Takes out of the virtual environment what its packages bring and nobody uses: copies, their own tests, symbols for debuggers."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import shutil

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What set-up's results depend on, as short hashes: the same stamp means nothing has to be done."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Builds ros_ws with colcon, and keeps what its set-up script would export."""
 
-from __future__ import annotations
-
 import json
 import os
 import shutil

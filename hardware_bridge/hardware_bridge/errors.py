@@ -4,8 +4,6 @@
 What a caller may want to know beside the text is an attribute.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of the robot model. Each says what was got, what is valid and what to do."""
 
-from __future__ import annotations
-
 import reprlib
 
 from sim_core.printable import printable

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Texts from outside, made fit to be shown and kept."""
 
-from __future__ import annotations
-
 import unicodedata
 
 NAME_MOST, WORDS_MOST = 64, 300

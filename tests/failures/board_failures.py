@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows about the boards: what is left of a motion when the link dies, and what becomes of a reset."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager

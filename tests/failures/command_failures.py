@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows about who commands what: silence, nonsense, a second one, clocks, stop, and what the actuators can bear."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What docs/results/failures.md says, and texts without what differs from run to run."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple

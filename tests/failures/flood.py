@@ -6,8 +6,6 @@ python tests/failures/flood.py twin/markers visualization_msgs/msg/MarkerArray 1
 python tests/failures/flood.py execute_struts 300000                                       # points; says the reason
 """
 
-from __future__ import annotations
-
 import sys
 import time
 from typing import Any

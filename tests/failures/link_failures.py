@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows about the port and the line: missing, lost, cut, garbled, slow."""
 
-from __future__ import annotations
-
 import os
 import signal
 import tty

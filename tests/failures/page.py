@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """docs/results/failures.md, written from what the scenarios saw."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where scenarios happen: the stack's real processes around a virtual prototype, somebody before them, and its faults."""
 
-from __future__ import annotations
-
 import math
 import signal
 import tempfile

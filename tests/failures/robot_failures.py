@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows about which robot is at the port, and whether one is there at all."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

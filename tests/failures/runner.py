@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Runs scenarios one after the other in one lab."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass

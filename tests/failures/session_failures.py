@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows about the session: its log, its end, its nodes, and whether what it is made of goes together."""
 
-from __future__ import annotations
-
 import re
 import resource
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rows about messages that nobody of the stack sent: too long, too many, recorded, or of another bridge."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of failures that must be survived."""
 
-from __future__ import annotations
-
 from tests.failures import (
     board_failures,
     command_failures,

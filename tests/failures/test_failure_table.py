@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut faults` but for the failures themselves (tests/tensegrity_robot/stack/test_failures.py): rows, texts, the page."""
 
-from __future__ import annotations
-
 import pytest
 import typer
 

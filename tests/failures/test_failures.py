@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Each row of docs/results/failures.md, with real nodes and a virtual prototype on a real pty: `./sixstrut faults` as tests."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

@@ -1,6 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-from __future__ import annotations
-
 import contextlib
 import threading
 from collections.abc import Callable, Iterator

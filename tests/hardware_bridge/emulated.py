@@ -5,8 +5,6 @@ Written anew, with nothing of the virtual prototype or of the bridge's own accou
 instant, from the bytes alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What several tests of the bridge share."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import threading

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A recorder in a process of its own, killed at some moment, and what is left of its log."""
 
-from __future__ import annotations
-
 import os
 import random
 import select

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The documentation: its reference is what the code says, its links lead somewhere, and the front page runs as printed."""
 
-from __future__ import annotations
-
 import os
 import re
 import shlex

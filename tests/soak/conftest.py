@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Long tests, for `./sixstrut test --soak` only: each gives figures, which are printed at the end."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A million byte sequences through everything that decodes bytes, and through the transport on a real pty."""
 
-from __future__ import annotations
-
 import os
 import random
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An hour of robot time, rolls one after the other, with faults at random: nothing leaks, every roll is accounted for."""
 
-from __future__ import annotations
-
 import os
 import random
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """SIGKILL at random moments: no message that was told as written is lost, and what is recovered reads in order."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.hardware_bridge.killing import kill_while_writing

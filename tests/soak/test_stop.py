@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stop, again and again, while the log is written and a rehearsal loads all cores."""
 
-from __future__ import annotations
-
 import pytest
 
 from tests.failures.command_failures import STOP_LIMIT_MS, rehearsing, stop_times_ms

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stack's fixtures, and a real browser."""
 
-from __future__ import annotations
-
 import os
 import re
 import shutil

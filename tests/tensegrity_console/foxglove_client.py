@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Foxglove app as the protocol sees it: JSON texts and little-endian binary messages on a WebSocket."""
 
-from __future__ import annotations
-
 import json
 import struct
 import time

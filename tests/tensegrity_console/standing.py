@@ -4,8 +4,6 @@
 python standing.py PORT TOKEN
 """
 
-from __future__ import annotations
-
 import sys
 import threading
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The console in a real browser, before a real stack: load, arm, roll, stop, lose the server, come back. It takes the pictures."""
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The live stack for the Foxglove app: what is offered, what is taken, and what is not; by the bytes of its protocol."""
 
-from __future__ import annotations
-
 import os
 import re
 import signal

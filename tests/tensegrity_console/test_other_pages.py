@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What other origins' pages, other users and second pages can do, in a real Chromium where the operator's page is open: nothing."""
 
-from __future__ import annotations
-
 import json
 import os
 import socket

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """STOP in a real browser: on top, whole and working at every size of the window and in every state of the page."""
 
-from __future__ import annotations
-
 import signal
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A person at a real terminal: reads what a command prints on a pty, and presses keys."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import pty

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every module of these tests gets a ROS domain, state folder and bag folder of its own, and leaves no process behind."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who may import whom (pyproject.toml, importlinter): the rules hold, and a wrong import fails them."""
 
-from __future__ import annotations
-
 import os
 import shutil
 import subprocess

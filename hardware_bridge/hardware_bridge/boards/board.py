@@ -5,8 +5,6 @@ No board reports where an actuator is; what some call a position is the pulse th
 a move, and on each of them the first move of a channel after power-up or release ignores its duration.
 """
 
-from __future__ import annotations
-
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

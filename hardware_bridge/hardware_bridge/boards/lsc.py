@@ -8,8 +8,6 @@ board takes the beginning of the next one as the cut one's rest. `0x07` stops ac
 by sending its last pulse again. A reset cannot be noticed: the board tells its supply voltage and nothing else.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 

@@ -18,8 +18,6 @@ What only Pololu's Control Center can set, and must:
 * the serial time-out of `timeout_s`.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Boards by the names that parameters, calibration files and command lines use. Light to import."""
 
-from __future__ import annotations
-
 import re
 
 from hardware_bridge.boards.board import Board

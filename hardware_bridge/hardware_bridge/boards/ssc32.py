@@ -9,8 +9,6 @@ Not documented by the maker, and so assumed: a line that is no command is ignore
 move since power-up answers `QP` with 0. If a real board answers otherwise, its reset goes unnoticed and nothing worse.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field

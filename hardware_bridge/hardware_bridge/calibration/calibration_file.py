@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calibrations on disk: whole ones, written atomically, and the unfinished one that a person may leave and come back to."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Per strut: rest length in m to pulse in µs and back. A missing or implausible calibration never drives a robot."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

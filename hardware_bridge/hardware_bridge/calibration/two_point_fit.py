@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From what a person measured on one strut to its calibration. Pure numbers; no port, no screen."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lengths as the whole pulses that are sent, the same however the lengths were computed."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

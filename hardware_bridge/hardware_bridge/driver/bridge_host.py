@@ -6,8 +6,6 @@ connection, in order. Nobody at the other end can keep a frame or a stop waiting
 events go out through a queue. When the other end is gone, or reads nothing any more, the struts are held and the port is closed.
 """
 
-from __future__ import annotations
-
 import logging
 import os
 import pickle

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Child processes that do not outlive their parent, however it dies."""
 
-from __future__ import annotations
-
 import os
 import sys
 from collections.abc import Sequence

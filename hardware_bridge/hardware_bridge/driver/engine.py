@@ -5,8 +5,6 @@ One lock orders everything: an event for the supervisor, the bytes it leads to, 
 the events, and their callbacks.
 """
 
-from __future__ import annotations
-
 import logging
 import secrets
 import threading

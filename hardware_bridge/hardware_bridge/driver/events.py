@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the bridge tells its callers: the numbered stream of what happened to the robot, and its own state."""
 
-from __future__ import annotations
-
 import logging
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calls a function at absolute steady deadlines. A missed deadline is counted and dropped, never made up for."""
 
-from __future__ import annotations
-
 import logging
 import math
 import threading

@@ -4,8 +4,6 @@
 A person stands by, and every step is short: at most `STEP_US` (about 1 mm) each `STEP_S`.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

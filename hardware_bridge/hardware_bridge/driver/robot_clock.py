@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Robot time: the steady clock since the port was opened, times the time scale."""
 
-from __future__ import annotations
-
 import time
 
 from hardware_bridge.safety.supervisor_messages import Now

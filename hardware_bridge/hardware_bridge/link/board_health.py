@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What follows from a board's answer: pure, so that it is tested without a port."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from hardware_bridge.boards.board import Health

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The open port with its board: writes frames, asks how the board is, and says when either is gone."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long things took lately, as percentiles."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import NamedTuple
 

@@ -6,8 +6,6 @@ address behind a `socket://` URL. The lock is a name in Linux's abstract socket 
 user's, no file that somebody could put a link in place of, and gone with its process.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import hashlib

@@ -6,8 +6,6 @@ names the port and what to do. pyserial and the kernel raise `SerialException` o
 the base of the first and is what is caught here.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import select

@@ -5,8 +5,6 @@ One connection, one request: a line of JSON in, a line of JSON back. What exists
 that last. To `{"who": NONCE}` it says who it is, see `handshake`.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from pathlib import Path

@@ -6,8 +6,6 @@ the prototype's observer and `fault_client`). Who asks at the latter gets this h
 sockets are this user's alone, if the process that answers is this user's, and if the pty behind the link is that process's own.
 """
 
-from __future__ import annotations
-
 import fcntl
 import json
 import math

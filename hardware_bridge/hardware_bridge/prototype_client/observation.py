@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What an observer outside the robot sees, and its one line of JSON."""
 
-from __future__ import annotations
-
 import json
 import math
 from dataclasses import dataclass

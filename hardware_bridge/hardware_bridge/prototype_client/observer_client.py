@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bridge's eye: follows an observer's socket from a thread of its own, and comes back when the observer does."""
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import socket

@@ -5,8 +5,6 @@ In a folder that several users share, such as `/tmp`, a name proves nothing: who
 who owns what was really opened, and who may change it.
 """
 
-from __future__ import annotations
-
 import errno
 import os
 import socket

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How much of what others publish goes into the bag: nobody may fill the disk, or the memory, by talking fast. Knows no ROS."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

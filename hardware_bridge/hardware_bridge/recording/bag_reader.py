@@ -7,8 +7,6 @@ together by the file's size, messages by their number. Only the topics that are 
 have the fields that are read.
 """
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable, Collection, Iterator

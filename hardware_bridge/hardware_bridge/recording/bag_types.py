@@ -4,8 +4,6 @@
 A field that a definition gives the right type is decoded to the right type; so whoever reads it need only ask for its value.
 """
 
-from __future__ import annotations
-
 import re
 from functools import lru_cache
 

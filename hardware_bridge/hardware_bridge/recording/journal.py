@@ -9,8 +9,6 @@ marks, and a journal of which more than a cut tail could not be read is kept. Jo
 is found by what a record of that session can look like.
 """
 
-from __future__ import annotations
-
 import hashlib
 import mmap
 import os
@@ -142,7 +140,7 @@ class _Tally:
 
     counts: Counter[str] = field(default_factory=Counter)
     others: int = 0
-    digest: hashlib._Hash = field(default_factory=hashlib.sha256)
+    digest: "hashlib._Hash" = field(default_factory=hashlib.sha256)
 
     def add_message(self, topic: str, message: Message) -> None:
         self.counts[topic] += 1

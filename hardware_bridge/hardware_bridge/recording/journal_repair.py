@@ -4,8 +4,6 @@
 `python -m hardware_bridge.recording.journal_repair JOURNAL LOG` prints one line for people; exit code 0 if the log is made.
 """
 
-from __future__ import annotations
-
 import os
 import resource
 import subprocess

@@ -5,8 +5,6 @@ A log's schema is the `.msg` text of a type and, after a line of 80 `=` and `MSG
 is made of, so that readers need no workspace.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

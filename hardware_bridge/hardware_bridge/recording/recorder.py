@@ -4,8 +4,6 @@
 Recorded topics get names under `/recorded/`, to which no live node listens: playing the log moves nothing.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import os

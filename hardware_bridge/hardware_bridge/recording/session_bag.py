@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The session's bag: names, what goes with it, and messages that come before it is open. Knows no ROS but its file layout."""
 
-from __future__ import annotations
-
 import fcntl
 import importlib.metadata
 import os

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a board's outputs are, by the frames that it was handed: the last gate's own account, beside the supervisor's."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 

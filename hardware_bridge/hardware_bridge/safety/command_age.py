@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How old a command is by the time that it is accepted, and not only when it came."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

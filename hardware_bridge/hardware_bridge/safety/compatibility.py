@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whether a board, a calibration, a rate and a frame period go together; judged before a port is opened."""
 
-from __future__ import annotations
-
 import math
 
 from hardware_bridge.boards.board import Board

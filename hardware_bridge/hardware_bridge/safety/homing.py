@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the struts are before anything moves, and the slow way to mid stroke."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

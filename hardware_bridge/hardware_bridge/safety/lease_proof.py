@@ -5,8 +5,6 @@ The lease is a secret between the bridge and whom it armed. It is on no topic: w
 HMAC keyed by the lease, so that whoever listens can neither command nor keep a silent holder's lease alive.
 """
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 

@@ -4,8 +4,6 @@
 The two are written separately on purpose: a mistake in one does not open the other.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 

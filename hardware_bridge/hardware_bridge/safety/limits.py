@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What may be asked of the struts, as numbers, and how fast frames go out."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, fields
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a path is, however densely it is sampled: a knot on the line between its neighbours changes nothing here."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

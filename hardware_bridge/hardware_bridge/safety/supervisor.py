@@ -12,8 +12,6 @@ must be by now, if it does what it is told (`LastFrame`). No frame is more than 
 all last equally long, so a hold has nothing to make good: what is left is what the line still carries.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from typing import NamedTuple

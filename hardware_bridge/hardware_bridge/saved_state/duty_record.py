@@ -6,8 +6,6 @@ spent: a robot without a record, or with one that cannot be trusted, may have ru
 not.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import time

@@ -11,8 +11,6 @@ was known of those before it moved counts afterwards: each opening that sends su
 `last_pulses-nameless.json`, and a record that knows another mark is no knowledge.
 """
 
-from __future__ import annotations
-
 import secrets
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which robot knowledge is about. A port's name says nothing: `/dev/rfcomm0` is every robot's."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from dataclasses import dataclass

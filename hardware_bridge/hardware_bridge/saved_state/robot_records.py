@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is remembered of one robot, and that only one bridge at a time remembers it."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from hardware_bridge.link.port_lock import lock_robot

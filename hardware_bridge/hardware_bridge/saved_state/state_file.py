@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small JSON files that outlive the bridge: replaced whole, never written or read through a link, never larger than they may be."""
 
-from __future__ import annotations
-
 import json
 import os
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`python -m hardware_bridge.virtual_prototype`: one robot behind one pty, until SIGINT or SIGTERM."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import signal

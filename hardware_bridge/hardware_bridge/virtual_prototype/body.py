@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot that hangs on the emulated board: a perturbed model, stepped to robot time."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

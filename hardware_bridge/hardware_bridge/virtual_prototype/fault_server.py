@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where a virtual prototype says who it is, and is told to fail (see `prototype_client`)."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import math

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The loop that joins port, board, body and observer in robot time."""
 
-from __future__ import annotations
-
 import logging
 import secrets
 import select

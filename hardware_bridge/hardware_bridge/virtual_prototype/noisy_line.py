@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The line between port and board, with the faults of a radio link: bytes lost, changed, late, or sent by nobody."""
 
-from __future__ import annotations
-
 from collections import deque
 
 MOVE_BYTES = 20

@@ -5,8 +5,6 @@ One JSON line an observation: `{"robot_time_ns", "face", "detail", "settled", "n
 with a null `face` on no face. A client that does not read loses observations, never parts of a line, and holds up nobody.
 """
 
-from __future__ import annotations
-
 import contextlib
 import socket
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A virtual prototype to practise on, in a process of its own."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 import tempfile

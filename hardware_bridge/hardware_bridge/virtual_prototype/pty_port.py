@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The pty behind a link at a well-known path: one living owner a link, and nothing left behind."""
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import fcntl

@@ -19,8 +19,6 @@ For each actuator, with commanded length c, length of the screw x, supply voltag
                   force while it stands; u = open - resistance x sum, from the last step's sum
 """
 
-from __future__ import annotations
-
 import hashlib
 import math
 from dataclasses import dataclass, replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A model ready to run: elements checked, cut into the kernel's rows, and known to be stable at its time step."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from functools import cached_property

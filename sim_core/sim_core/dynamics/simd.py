@@ -9,8 +9,6 @@ next to any neighbours, or alone.
 Plain loops over a lane axis do not vectorise (the compiler cannot rule out aliasing), hence an explicit vector type.
 """
 
-from __future__ import annotations
-
 import operator
 from typing import Any
 

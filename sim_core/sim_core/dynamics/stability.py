@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The largest stable time step, from the model itself: 2 / ω_max of the linearised system."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """On which face the robot stands, and how near its parts are to each other."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

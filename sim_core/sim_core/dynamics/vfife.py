@@ -22,8 +22,6 @@ Formulas (symbols as in docs/model.md):
   the Cayley map (order 2, no trigonometry).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

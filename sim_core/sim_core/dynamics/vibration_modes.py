@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small vibrations of the robot at rest: natural frequencies of the linearised model, and of a simulated free vibration."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import NamedTuple

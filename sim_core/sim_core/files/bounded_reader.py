@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whole files, bounded: whatever a path leads to, reading it takes little time and memory. Light to import."""
 
-from __future__ import annotations
-
 import os
 import stat
 from collections.abc import Collection

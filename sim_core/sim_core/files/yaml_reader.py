@@ -6,8 +6,6 @@ anything is made of it. What YAML 1.1 and 1.2 read differently is refused, since
 dates are text, and so are keys. Documents are made from the parser's events, without recursion and without PyYAML's constructors.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass

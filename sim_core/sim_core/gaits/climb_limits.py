@@ -4,8 +4,6 @@
 Symmetry makes it the same for all 24 gaits of a primitive. Gaits that are equally sure on level ground are not so on a slope.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Primitive libraries: policies for the reference pair, in one YAML file, and the gaits made of them by symmetry."""
 
-from __future__ import annotations
-
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field

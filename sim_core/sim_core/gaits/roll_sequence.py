@@ -6,8 +6,6 @@
 Times are robot time. Whatever face the robot lands on, it is brought back to neutral lengths before the roll is reported.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from enum import StrEnum

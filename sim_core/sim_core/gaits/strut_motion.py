@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From present lengths to others, every strut at the actuators' speed, as knots of a trajectory. Knows no ROS."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

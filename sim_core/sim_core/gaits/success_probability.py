@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How likely each of a library's 24 × n gaits is to work: counts from a robustness study, kept in a file of their own."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path

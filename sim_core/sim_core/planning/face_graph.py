@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The graph of faces: from each face the rolls over its tendon edges, with all gaits that do them and their probabilities."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 from typing import NamedTuple, Protocol

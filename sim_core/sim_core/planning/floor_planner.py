@@ -5,8 +5,6 @@ Standing at rest on a face, the robot turns over an edge of its base onto the ne
 they are. So a *stance* (face, heading, place) and an edge give the next stance, from the shape at rest alone.
 """
 
-from __future__ import annotations
-
 import heapq
 import math
 from collections.abc import Callable, Mapping, Sequence

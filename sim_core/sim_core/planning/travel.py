@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where to roll next on the way to a place on the floor, and when to give up. Knows no ROS and no clock."""
 
-from __future__ import annotations
-
 from collections import Counter
 from typing import NamedTuple
 

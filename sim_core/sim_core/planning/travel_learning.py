@@ -11,8 +11,6 @@ believed, most those by gaits that climb little; and one of a poor gait that gai
 other gaits of the same roll. The effects are normal about 0.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -6,8 +6,6 @@ waits for another. A robot's bits do not depend on its lane, its neighbours or t
 `roll` does.
 """
 
-from __future__ import annotations
-
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor

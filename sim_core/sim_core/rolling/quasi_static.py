@@ -8,8 +8,6 @@ net force above the tolerance.
 Compiled for one robot or eight lanes; velocities are reset lane by lane.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from sim_core.dynamics import vfife as k

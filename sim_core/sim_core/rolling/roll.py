@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A roll and its judgement: actuate, wait until at rest, return to neutral, wait until at rest."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass

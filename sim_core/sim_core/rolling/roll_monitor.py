@@ -5,8 +5,6 @@ A roll's course is kept in a *record*, a row of numbers. `look` is called every 
 and, once the robot is at rest after actuation on the wanted face, sends the struts back to neutral.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

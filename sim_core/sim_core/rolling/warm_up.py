@@ -5,8 +5,6 @@ How compiled code is found again: its folder is named by the sources of the kern
 time of change, the types of its arguments, and the versions of numba and Python and the processor.
 """
 
-from __future__ import annotations
-
 import platform
 import sys
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The best policies found so far, no two alike: what a generator breeds from, and what its library is chosen from."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 

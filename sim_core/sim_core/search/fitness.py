@@ -6,8 +6,6 @@ below 1      it did not roll: the farther the centre of mass got past an edge, t
 from 2 on    feasible on the nominal robot: 2 + quality; or, with training prototypes, 2 + success rate + a little quality
 """
 
-from __future__ import annotations
-
 import math
 
 from sim_core.structure.parameters import Prototype

@@ -11,8 +11,6 @@ had not been, on any number of workers. (The operators are few, and the librarie
 hence our own.)
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace

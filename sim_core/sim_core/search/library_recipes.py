@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plans of the shipped libraries: `./sixstrut search NAME` makes each of them again."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 from sim_core.search.genetic_search import SearchPlan

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """On which robots a search tries its policies, and with which gaits."""
 
-from __future__ import annotations
-
 from typing import Any, NamedTuple
 
 from sim_core.rolling.batch import Job

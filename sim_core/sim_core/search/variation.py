@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The genetic operators: policies bred from better ones. Genes are the six strokes, whole mm, in the reference pair's labelling."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot as particles, beams, cables and contact points with explicit numbers: what the kernel, and any other solver, needs."""
 
-from __future__ import annotations
-
 import hashlib
 import math
 from dataclasses import dataclass, fields, replace

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files of parameters: one YAML mapping of `name: {value, unit, source, note}`, checked against the fields of a dataclass."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The prototype: every number that the solver uses, each with unit and source, from one YAML file."""
 
-from __future__ import annotations
-
 import hashlib
 import json
 import math

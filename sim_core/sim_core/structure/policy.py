@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Policies: six strokes in whole millimetres."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -5,8 +5,6 @@ What goes into a model or a robot's state is made of elementwise operations only
 same bits on every processor: only then can a recorded session be replayed bit for bit elsewhere.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -6,8 +6,6 @@ element carries the reference pair (TC6, TO5) to each of the 24 adjacent (TC, TO
 pair, relabelled by that element, is a gait between that pair, in either direction.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product

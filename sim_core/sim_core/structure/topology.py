@@ -6,8 +6,6 @@ length, centre at the origin. The numbering satisfies every adjacency that the p
 numbering, not provably the paper's own.
 """
 
-from __future__ import annotations
-
 from itertools import combinations
 
 import numpy as np

@@ -5,8 +5,6 @@ Errors belong to the prototype's number and member, so taking a group away leave
 vanishes, and the group was needed for it, or it does not.
 """
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

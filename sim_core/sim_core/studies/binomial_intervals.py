@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Success rates with intervals."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

@@ -5,8 +5,6 @@ A chunk's trials depend on the chunk alone, so they are the same on any number o
 elsewhere. `distributed` is imported only if a scheduler is named.
 """
 
-from __future__ import annotations
-
 import socket
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager

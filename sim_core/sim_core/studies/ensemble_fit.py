@@ -5,8 +5,6 @@ Every tried gait is rolled on every member by the batch solver. A trial is won i
 after the return, which is what an operator sees; the model's limits of force and clearance play no part in that.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -4,8 +4,6 @@
 Before its own trials: from a fitted ensemble, or from what was known of the library. After them: gait by gait (Beta–Bernoulli).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rehearsal: a gait on an ensemble of perturbed robots, before the real one moves: will it work, and where may it end?"""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple

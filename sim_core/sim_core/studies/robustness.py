@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robustness study: all 24 gaits of every primitive on perturbed prototypes that nobody trained on."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any

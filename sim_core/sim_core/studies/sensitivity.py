@@ -4,8 +4,6 @@
 Computed, not asserted.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 

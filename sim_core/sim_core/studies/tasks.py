@@ -4,8 +4,6 @@
 A runner takes chunks and gives back their trials, in order. `run_here` is the runner of one machine; a cluster's has the same form.
 """
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable, Iterable, Sequence

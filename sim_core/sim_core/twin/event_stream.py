@@ -5,8 +5,6 @@ Within a topic events arrive in order; between the two topics they may not. Whoe
 which lie before the first write that it hears of. A bridge that starts again numbers from 1 again.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass

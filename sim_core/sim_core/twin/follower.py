@@ -6,8 +6,6 @@ twin's state is a function of that stream alone: each event first brings the mod
 acts.
 """
 
-from __future__ import annotations
-
 import heapq
 from dataclasses import dataclass
 

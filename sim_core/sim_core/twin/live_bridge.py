@@ -5,8 +5,6 @@ A bridge numbers its sessions with random names. The live one is told by its sta
 which a recording's does not have. Events of any other session are strangers'.
 """
 
-from __future__ import annotations
-
 import time
 from collections import deque
 from collections.abc import Callable

@@ -5,8 +5,6 @@ The nominal robot of a release is one of them. A change of its numbers, or of th
 deliberate line in `data/frozen.yaml`, and every library and recorded session made again.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from sim_core.files.bounded_reader import DATA

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A twin that is the robot itself, on its own clock. Knows no ROS."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

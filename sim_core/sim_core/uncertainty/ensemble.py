@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A fitted ensemble as one YAML file: members with their weights, and where they come from."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

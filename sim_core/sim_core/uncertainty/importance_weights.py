@@ -17,8 +17,6 @@ masses, a heading nobody knows) is drawn from its prior each time: its weight is
 2009).
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import NamedTuple

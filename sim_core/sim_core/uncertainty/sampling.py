@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Designs of experiments in the unit cube: which errors a study's prototypes get, before they are given a range."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -6,8 +6,6 @@ part in, a tolerance. `sixstrut validate` runs them all and writes docs/results/
 functions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from inspect import isfunction
 from types import ModuleType

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Both engines at rest on a face: the same heights, rope tensions and strut forces?"""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A library's gaits in MuJoCo: the same robot in another physics engine."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import numpy as np

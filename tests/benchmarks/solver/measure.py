@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is measured: speed, accuracy and memory of the engines, side by side."""
 
-from __future__ import annotations
-
 import json
 import subprocess
 import sys

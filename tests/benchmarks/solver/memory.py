@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A process that only rolls, to see its memory: `python -m tests.benchmarks.solver.memory SETTINGS`."""
 
-from __future__ import annotations
-
 import json
 import sys
 from pathlib import Path

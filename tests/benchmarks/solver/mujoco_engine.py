@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """MuJoCo as an engine of the benchmark: one robot by `mj_step`, batches by its own `rollout`, a pool of threads in C++."""
 
-from __future__ import annotations
-
 import importlib
 from collections.abc import Sequence
 from typing import Any

@@ -13,8 +13,6 @@ actuators' speed, stiffness EA / L of a strut along its axis. What cannot, and w
 The integrator `implicitfast` is within 5 % of MuJoCo's fastest way to step this model; `discrete` needs ten times as long.
 """
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

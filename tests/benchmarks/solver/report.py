@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A benchmark's figures as a table, as JSON and as a picture."""
 
-from __future__ import annotations
-
 import json
 import os
 import platform

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Processor time and memory of every process of the demo."""
 
-from __future__ import annotations
-
 import signal
 import subprocess
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The running stack in real time: the twin at its rate, latencies, what the bridge records."""
 
-from __future__ import annotations
-
 import random
 import time
 from collections.abc import Callable, Iterator, Sequence

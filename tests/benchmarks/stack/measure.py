@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The whole measurement of the stack, part by part, in a ROS domain and folders of its own."""
 
-from __future__ import annotations
-
 import os
 import platform
 import tempfile

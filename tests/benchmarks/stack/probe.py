@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stack's client, with when it heard what."""
 
-from __future__ import annotations
-
 import struct
 import time
 from typing import Self

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The recorder alone, fed with a real session's messages: what it takes, and what its queue does when that is exceeded."""
 
-from __future__ import annotations
-
 import time
 from itertools import cycle, islice
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stack's figures as a page, as JSON and as a picture."""
 
-from __future__ import annotations
-
 import json
 import math
 import statistics

@@ -4,8 +4,6 @@
 The former is measured in a process of its own, which is this module.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import re

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bytes of the SSC-32 boards, against the SSC-32U guide, pp. 24-26, 33-34, 38-39, and against any bytes at all."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

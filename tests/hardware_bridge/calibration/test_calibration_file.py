@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calibrations on disk, whole and unfinished."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import pytest

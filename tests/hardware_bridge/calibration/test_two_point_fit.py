@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From readings to a strut's calibration."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

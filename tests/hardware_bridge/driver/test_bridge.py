@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bridge on a real pty, whose far end is only bytes, so that what a board would get is seen and nothing else."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One strut by hand, over a real pty."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A bridge in a process of its own: same calls, same errors, and whichever of the two processes dies, the struts are held."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

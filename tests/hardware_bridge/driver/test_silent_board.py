@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A board that can answer and never has is not armed without the operator's word."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Frames are not sent to queue: the port's count, the board's late answers, and what is told of both."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The link against emulated boards without a pty between, so that a frame can be cut anywhere."""
 
-from __future__ import annotations
-
 import pytest
 
 from hardware_bridge.boards.board import Board

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One holder a port, however its name is spelled, on real ptys and sockets."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 import signal

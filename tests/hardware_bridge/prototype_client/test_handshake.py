@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is virtual is proven: the robot behind a port is a virtual prototype only if nobody could have made us believe so."""
 
-from __future__ import annotations
-
 import fcntl
 import json
 import os

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Lines of an observer that are none."""
 
-from __future__ import annotations
-
 import json
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """When a bag is well enough to move the robot; when a strut is at rest."""
 
-from __future__ import annotations
-
 from types import SimpleNamespace
 from typing import Any
 

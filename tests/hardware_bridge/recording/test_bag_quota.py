@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Of what others publish the bag keeps what the stack itself may say, and not what a flood says."""
 
-from __future__ import annotations
-
 from hardware_bridge.recording.bag_quota import BURST_S, BYTES_PER_S, MESSAGES_PER_S, MOST_BYTES, Quota
 
 

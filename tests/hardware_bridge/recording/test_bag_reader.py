@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags from anywhere: each cause has its line, and no bag takes more memory or work than it can be worth."""
 
-from __future__ import annotations
-
 import random
 import struct
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Journals that a crash, a disk or a person damaged: only the damaged place is lost, and a damaged journal is kept."""
 
-from __future__ import annotations
-
 import random
 import struct
 import subprocess

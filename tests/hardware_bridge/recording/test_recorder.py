@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Logs, written here and read back with two readers that are not ours: rosbags and mcap_ros2."""
 
-from __future__ import annotations
-
 import threading
 from pathlib import Path
 

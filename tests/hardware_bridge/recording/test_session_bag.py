@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bags: names, early messages, sessions cut short; which observations are news."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

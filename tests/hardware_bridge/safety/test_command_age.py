@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A command is as old as it is when it is accepted."""
 
-from __future__ import annotations
-
 import math
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What goes together, and what is refused before a port is opened."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

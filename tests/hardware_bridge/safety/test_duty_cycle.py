@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The budget of running time, counted spell by spell."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 from hypothesis import given

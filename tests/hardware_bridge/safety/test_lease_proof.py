@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Proofs of life: only the holder can go on, and nothing counts twice."""
 
-from __future__ import annotations
-
 from hypothesis import given
 from hypothesis import strategies as st
 

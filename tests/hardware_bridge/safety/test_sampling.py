@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A verdict is on a path, and not on how densely somebody has sampled it."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

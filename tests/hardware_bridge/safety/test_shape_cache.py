@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a slow judge said is remembered; what it never saw is not permitted."""
 
-from __future__ import annotations
-
 from hardware_bridge.safety.shape_cache import NOT_JUDGED, ShapeMemory
 from tests.hardware_bridge.helpers import MID, MID_M
 

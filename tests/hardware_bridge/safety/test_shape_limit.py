@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real judge of shapes behind the real bridge rules: what is accepted is good all the way, what is bad is refused whole."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What servos are told, on boards that interpolate: never faster than the limit, and where they are when told to stop."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever is done to the supervisor, in whatever order: what must hold always. Limits are computed here anew."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

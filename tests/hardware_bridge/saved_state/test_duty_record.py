@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The struts' running time over restarts of the bridge and of the computer: what nobody knows counts as spent."""
 
-from __future__ import annotations
-
 import json
 import math
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Last pulses belong to a robot with its calibration and board, never to the name of a port."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import replace
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot is known, not the name of its port: what a bridge believes after another robot, calibration, board or port."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable, Iterator
 from dataclasses import replace

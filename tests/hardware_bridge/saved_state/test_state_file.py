@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Files that outlive the bridge, in a folder where somebody meant harm."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The simulated robot with actuators that feel their load, without a board."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

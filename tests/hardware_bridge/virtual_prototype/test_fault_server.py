@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The faults that a virtual prototype can be told to have: on its line, its board, its supply and its struts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The prototype as its user starts it: a process, with the simulated robot."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bridge against the virtual prototype over its real pty, with a body without physics (see `StillBody`)."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Actuators under load: each effect alone, its size by hand, and what must hold for any command and load."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

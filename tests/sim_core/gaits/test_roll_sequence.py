@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The phases of a roll."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import pytest

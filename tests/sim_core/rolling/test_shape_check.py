@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Shapes that the structure may take, and those it must not."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

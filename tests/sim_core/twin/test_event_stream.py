@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One stream from two topics."""
 
-from __future__ import annotations
-
 import pytest
 
 from sim_core.twin.event_stream import Arrival, Begin, EventStream

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Which bridge is alive: its states are stamped now, and everything of another session is ignored while it speaks."""
 
-from __future__ import annotations
-
 import pytest
 from builtin_interfaces.msg import Time
 

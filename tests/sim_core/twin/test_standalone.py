@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The twin as the robot, and when a robot rests."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Playing a bag into ROS: a twin that follows ends with the replay's bits, and a living bridge is left alone."""
 
-from __future__ import annotations
-
 import os
 import re
 import subprocess

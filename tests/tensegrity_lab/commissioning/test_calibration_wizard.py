@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Calibrating as a person does it: at a real terminal, with the virtual prototype's struts to look at."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The doctor finds what is not well and says how to mend it."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

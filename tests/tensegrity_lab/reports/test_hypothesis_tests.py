@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report's statistics: against cases worked out by hand, against the paper's counts, and against each other."""
 
-from __future__ import annotations
-
 import math
 from itertools import combinations
 

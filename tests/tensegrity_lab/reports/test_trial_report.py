@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The report: every number in its page and tables follows from the ledgers, and from nothing else."""
 
-from __future__ import annotations
-
 import base64
 import csv
 import re

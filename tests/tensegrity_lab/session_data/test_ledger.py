@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ledger: nothing is lost, nothing counts twice, nothing is overwritten."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is tried, in which order, and how long it takes."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """ROS domains of virtual stacks: private whatever the shell says, locked as long as any process of theirs lives."""
 
-from __future__ import annotations
-
 import os
 import socket
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is virtual stays virtual: beside a real robot's bridge, in the domain that the shell exports, it never reaches the board."""
 
-from __future__ import annotations
-
 import os
 import re
 import select

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How a session goes on, with a lab that is only imagined: every branch that the whole stack meets too seldom to wait for."""
 
-from __future__ import annotations
-
 import math
 from types import SimpleNamespace
 

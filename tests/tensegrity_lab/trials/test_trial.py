@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Sessions as an experimenter runs them: real processes, real bytes, real bags; killed at any moment and gone on with."""
 
-from __future__ import annotations
-
 import csv
 import fcntl
 import json

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One commander at a time, and none of them is a bag."""
 
-from __future__ import annotations
-
 import importlib
 from pathlib import Path
 

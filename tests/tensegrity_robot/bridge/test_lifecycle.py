@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Every transition of the bridge's life, with a device that fails at the worst moment."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import threading

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A signal in mid-roll: the struts are held, the bag is whole, and the twin can be had back from it bit for bit."""
 
-from __future__ import annotations
-
 import os
 import signal
 import threading

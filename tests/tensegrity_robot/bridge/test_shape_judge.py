@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real judge of shapes behind the real node."""
 
-from __future__ import annotations
-
 import pytest
 
 from hardware_bridge.errors import may_be_sent_again

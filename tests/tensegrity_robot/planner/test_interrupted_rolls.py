@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rolls that are ended in the middle: slowly enough that the middle is met on a busy machine, too."""
 
-from __future__ import annotations
-
 import signal
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The planner tries a roll on perturbed twins before the robot does it."""
 
-from __future__ import annotations
-
 import pytest
 
 from tensegrity_interfaces.msg import BridgeState

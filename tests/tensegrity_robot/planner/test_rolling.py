@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One running stack: what is refused, and rolls."""
 
-from __future__ import annotations
-
 import importlib
 from functools import partial
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who may find the robot: loopback by default, wider networks only by choice."""
 
-from __future__ import annotations
-
 import ipaddress
 import os
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shipped parameter files say what the nodes say of themselves."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A library that is none, given to the nodes that read one: each ends at once with one line that says why."""
 
-from __future__ import annotations
-
 import pytest
 
 pytestmark = pytest.mark.ros

@@ -4,8 +4,6 @@
 Where the real `launch` and `launch_ros` are not installed, the file is loaded with stand-ins that only keep what they are given.
 """
 
-from __future__ import annotations
-
 import importlib.util
 import os
 import shlex

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How the executables start, alone and together, and how they refuse to."""
 
-from __future__ import annotations
-
 import math
 import os
 import signal

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What RViz, Foxglove and PlotJuggler are shown: stamps, frames, names; and layouts that name what is there."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Iterator

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stack's own benchmark on real processes, with a twin at 200 Hz; and what such a twin must not lose: its bits."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 
 import pytest

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A real twin and numbers that nobody would send: it goes on following, and it ends when it is told to."""
 
-from __future__ import annotations
-
 import signal
 import threading
 

@@ -4,8 +4,6 @@
 All times are robot time. Bytes take ten bits each, and a command acts when its last byte is in. Nothing is acknowledged.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections import deque

@@ -7,8 +7,6 @@
   they form a valid move. The maker documents no timeout; this is the worse of the two possibilities.
 """
 
-from __future__ import annotations
-
 from hardware_bridge.boards.lsc import (
     CMD_BATTERY,
     Frame,

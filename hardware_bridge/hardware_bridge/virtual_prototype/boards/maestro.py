@@ -11,8 +11,6 @@
 * Speeds are forgotten by a reset. Acceleration is read and not modelled, and there is no script.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from hardware_bridge.boards import maestro as m

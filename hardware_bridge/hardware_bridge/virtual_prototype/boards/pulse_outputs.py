@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pulse outputs of an emulated board: what a channel gives at any robot time, after the orders it has got."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Emulated boards by name."""
 
-from __future__ import annotations
-
 from hardware_bridge.boards.maestro import Maestro
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoard

@@ -8,8 +8,6 @@
 * Offsets are kept; analogue inputs and the version are not answered (the SSC-32U has no `VER`).
 """
 
-from __future__ import annotations
-
 from hardware_bridge.boards import ssc32
 from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoard
 from hardware_bridge.virtual_prototype.boards.pulse_outputs import Order

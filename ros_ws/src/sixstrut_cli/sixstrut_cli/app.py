@@ -15,8 +15,6 @@ another one by `raise typer.Exit(code)`. It raises its package's errors as they 
 traceback.
 """
 
-from __future__ import annotations
-
 import functools
 import importlib
 import inspect

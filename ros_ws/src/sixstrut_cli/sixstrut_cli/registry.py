@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The table of commands. Standard library only: set-up reads it before anything is installed."""
 
-from __future__ import annotations
-
 import shutil
 import textwrap
 from collections.abc import Sequence

@@ -6,8 +6,6 @@ so to whatever another user of this machine serves there. What else is checked: 
 the Host (names that somebody else's server resolves to this machine). A wrong secret is answered late, the right one at once.
 """
 
-from __future__ import annotations
-
 import asyncio
 import hmac
 import os

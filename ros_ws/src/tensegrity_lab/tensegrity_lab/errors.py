@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Errors of the command line: one line, what to do next."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from hardware_bridge.errors import BridgeError

@@ -10,8 +10,6 @@ If any of these processes ends, all end, and none outlives the launch, however t
 holding the port.
 """
 
-from __future__ import annotations
-
 import shlex
 import sys
 from pathlib import Path

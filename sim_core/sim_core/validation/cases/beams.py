@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Small vibrations of a strut of n elements: against the lumped chain's closed forms, and their limit, the continuous beam."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 from typing import NamedTuple
 

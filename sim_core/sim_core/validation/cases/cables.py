@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ropes carry tension only; prestress is the ideal tensegrity's."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

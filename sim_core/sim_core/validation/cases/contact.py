@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ground contact and friction, on separate bodies."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Motion against solutions that share nothing with the kernel, and the order with which the time step approaches them."""
 
-from __future__ import annotations
-
 from functools import lru_cache
 
 import numpy as np

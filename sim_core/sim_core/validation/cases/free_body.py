@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A body that nothing acts on keeps what mechanics says it keeps."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple

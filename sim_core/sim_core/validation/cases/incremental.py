@@ -6,8 +6,6 @@ next, the element's rigid motion is reversed (a virtual reverse translation and 
 increments of axial force and moments, and these are added to the accumulated ones, which turn with the element.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

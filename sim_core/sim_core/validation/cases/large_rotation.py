@@ -6,8 +6,6 @@ of angle α so answers with M = (EI/l) sin α instead of (EI/l) α: exact for th
 ones once the beam is cut finely. Both cases show that.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from functools import lru_cache
 

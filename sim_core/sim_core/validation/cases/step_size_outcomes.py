@@ -5,8 +5,6 @@ They are random ones, and the shipped library's shifted by up to 2 mm a strut. A
 purposes, change outcomes?
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

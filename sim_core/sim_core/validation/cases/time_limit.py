@@ -4,8 +4,6 @@
 The estimate has every contact closed, so it may be the smaller of the two.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

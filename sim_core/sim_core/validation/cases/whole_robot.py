@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot as a whole: its first frequency, elements per strut, symmetry, and equal bits in every lane."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

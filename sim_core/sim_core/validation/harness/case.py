@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a validation case is: one number measured on the solver beside a reference that the solver had no part in."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any, NamedTuple

@@ -5,8 +5,6 @@ Energy by its formulas, forces as its derivatives by complex step (exact to roun
 integrator. Slow and plain on purpose.
 """
 
-from __future__ import annotations
-
 from typing import Any
 
 import numpy as np

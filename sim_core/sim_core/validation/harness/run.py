@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stepping a structure that the kernel was not made for: outside loads, ramped weights, every state kept."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Test structures in the kernel's own terms: six straight beams of any number of elements, twelve separate bodies."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, NamedTuple

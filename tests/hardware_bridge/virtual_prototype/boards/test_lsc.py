@@ -1,6 +1,4 @@
 # SPDX-License-Identifier: Apache-2.0
-from __future__ import annotations
-
 import pytest
 
 from hardware_bridge.boards.lsc import CMD_UNLOAD, Lsc, encode_frame

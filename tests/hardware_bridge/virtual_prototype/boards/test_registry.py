@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What every emulated board does, whatever its bytes are."""
 
-from __future__ import annotations
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st

@@ -4,8 +4,6 @@
 A page is a function of the code alone, so a test can hold the committed pages to it (`./sixstrut docs --check`).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of commands: each with its help, arguments and options, as typer has them."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of files: what each kind is, its version, who writes and reads it."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from importlib import import_module
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of ROS interfaces: topics from their table, who uses what from the nodes' sources, fields from the definitions."""
 
-from __future__ import annotations
-
 import re
 from pathlib import Path
 from typing import NamedTuple

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page of parameters: of the nodes, of the robot's model, and of the actuators' model."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 from typing import Any

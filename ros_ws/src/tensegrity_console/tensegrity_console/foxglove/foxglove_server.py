@@ -5,8 +5,6 @@ Every topic is offered with its definition, and subscribed to only while somebod
 look and stop, and with `commands` also send goals, arm, disarm and reset. No lease leaves it.
 """
 
-from __future__ import annotations
-
 import asyncio
 import threading
 import time

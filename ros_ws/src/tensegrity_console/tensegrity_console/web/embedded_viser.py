@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """viser without a port of its own: what it draws goes out by our server alone."""
 
-from __future__ import annotations
-
 import contextvars
 import io
 import socket

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The floor under the robot: where each neighbouring face would lie, what a click means, where a roll would take it."""
 
-from __future__ import annotations
-
 from functools import cache
 from typing import NamedTuple
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The console's process: ROS in one thread, the page and its sockets in the main one, the 3D view in viser's own."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import signal

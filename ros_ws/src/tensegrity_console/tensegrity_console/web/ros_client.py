@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The console as a ROS node: keeps what the stack tells, and asks it for what an operator wants. No call waits."""
 
-from __future__ import annotations
-
 import json
 import math
 import threading

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot in 3D, drawn with viser for every browser that looks; what a page selected is drawn for that page alone."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path

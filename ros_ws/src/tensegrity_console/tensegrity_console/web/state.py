@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a console knows: plain data, made by `ros_client`, shown by `scene` and by the page."""
 
-from __future__ import annotations
-
 import math
 import secrets
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@ viser knows some sixty messages, among them uploads, and "share", which asks an 
 apart strictly and put together anew, so that viser reads no byte of a page's.
 """
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Literal
 

@@ -4,8 +4,6 @@
 Only what the bridge *told* is played. Nothing of it is a command, and while a bridge lives nothing is played at all.
 """
 
-from __future__ import annotations
-
 import tempfile
 import time
 from collections import deque

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What rehearsals foretold, and what then happened: read from any bags."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple

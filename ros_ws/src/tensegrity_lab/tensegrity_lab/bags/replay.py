@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stepping the twin through a bag's event stream."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path

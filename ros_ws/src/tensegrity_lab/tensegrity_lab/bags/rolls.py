@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What gaits a bag's robot tried, and how they ended, from what was asked and what was seen."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 from hardware_bridge.recording.bag_reader import BagError, Session, seconds_of

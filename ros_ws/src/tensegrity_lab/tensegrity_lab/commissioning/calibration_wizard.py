@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The walk through six struts: what is asked, shown and done, key by key."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from pathlib import Path
 

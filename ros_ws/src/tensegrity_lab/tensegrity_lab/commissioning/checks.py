@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What must be well before a robot moves, one check each, and how to mend what is not. Nothing here moves or changes anything."""
 
-from __future__ import annotations
-
 import importlib.metadata
 import importlib.util
 import os

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Strut lengths as the virtual prototype's observer sees them."""
 
-from __future__ import annotations
-
 import threading
 import time
 

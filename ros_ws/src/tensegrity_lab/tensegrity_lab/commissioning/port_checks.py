@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Port and pairing: is it there, may it be opened, who holds it, does a board answer."""
 
-from __future__ import annotations
-
 import grp
 import os
 import shutil

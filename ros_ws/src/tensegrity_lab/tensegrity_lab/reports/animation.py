@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A session as a short moving picture: the twin on its way over the floor, faces that it stood on, struts by their lengths."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable, Sequence
 from functools import partial

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A report as one self-contained HTML page: no script, no network, pictures inside."""
 
-from __future__ import annotations
-
 import base64
 import re
 from collections.abc import Iterable, Sequence

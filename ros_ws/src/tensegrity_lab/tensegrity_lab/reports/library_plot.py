@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a library holds, at a glance: every primitive's strokes, and how often it worked in training."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

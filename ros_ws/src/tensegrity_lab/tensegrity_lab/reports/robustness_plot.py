@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robustness study as the paper's Figure 8: success of each primitive, how many have which rate, and what kills gaits."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A robustness study for people, for scripts and for tables."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a large study costs, and where more cores stop to help: from the figures of a study just done."""
 
-from __future__ import annotations
-
 import os
 import pickle
 import platform

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From the ledgers of sessions to the numbers of a report."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A report of sessions: tables, pictures and a page, all made again by one command."""
 
-from __future__ import annotations
-
 import math
 import shlex
 from collections.abc import Iterable, Iterator, Sequence

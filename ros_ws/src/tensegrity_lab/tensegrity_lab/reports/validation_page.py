@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page and the pictures of the validation suite."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot at rest with its parts by name: for the words that the documentation uses."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import numpy as np

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A ledger's line as the message that goes into the bag, and back. The only module of trials that knows ROS types."""
 
-from __future__ import annotations
-
 from dataclasses import fields
 from pathlib import Path
 from typing import Any

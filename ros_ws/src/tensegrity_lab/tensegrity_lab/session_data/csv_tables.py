@@ -4,8 +4,6 @@
 Text that a spreadsheet would run as a formula gets an apostrophe.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import math

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A session's folder: what it tries and on which robot, written once; the ledger; the bags. One process at a time."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import time

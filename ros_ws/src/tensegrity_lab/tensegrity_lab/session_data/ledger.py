@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A session's ledger: a CSV table that only ever grows. A line counts once it is whole and on the disk."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass

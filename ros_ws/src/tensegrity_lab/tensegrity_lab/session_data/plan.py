@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a session tries, in which order, and how long it takes. Knows no ROS and no clock."""
 
-from __future__ import annotations
-
 import csv
 import io
 import math

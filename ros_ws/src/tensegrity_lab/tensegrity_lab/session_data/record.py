@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One line of a session's ledger: a trial that begins, its outcome, or the revocation of one. Its columns, to and from text."""
 
-from __future__ import annotations
-
 import csv
 import math
 import zlib

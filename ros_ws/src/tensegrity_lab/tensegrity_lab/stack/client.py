@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The ROS client of the stack: arms, rolls, moves struts, watches. For commands, failure scenarios, benchmarks and tests."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable, Sequence

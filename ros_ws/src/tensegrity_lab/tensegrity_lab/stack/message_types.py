@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Message classes by the names that bags and the ROS graph give."""
 
-from __future__ import annotations
-
 import importlib
 from typing import Any
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The stack's processes, started and stopped together: each a real executable, each with its own log file."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

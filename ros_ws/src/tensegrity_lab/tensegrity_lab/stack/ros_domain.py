@@ -5,8 +5,6 @@ A virtual stack arms and rolls without asking anybody. It must never meet a robo
 exported for the lab, nor by settings that take it onto the network.
 """
 
-from __future__ import annotations
-
 import os
 import random
 import socket

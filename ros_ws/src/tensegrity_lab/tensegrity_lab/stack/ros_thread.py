@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A ROS node in a thread of its own, for programs whose main thread belongs to something else."""
 
-from __future__ import annotations
-
 import threading
 import traceback
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How late a virtual prototype is on a busy computer: its body is behind, or it took its orders too late."""
 
-from __future__ import annotations
-
 import time
 
 from hardware_bridge.prototype_client.observation import Observation

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A whole stack on a virtual prototype: its processes, started together. For demo, travel and console."""
 
-from __future__ import annotations
-
 import os
 import sys
 import tempfile

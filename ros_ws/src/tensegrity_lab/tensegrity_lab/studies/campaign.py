@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A campaign from its libraries to its page."""
 
-from __future__ import annotations
-
 import shlex
 import shutil
 from collections.abc import Callable, Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A session computed by the batch solver: a real folder with its ledger, of virtual trials that no stack ran."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import replace

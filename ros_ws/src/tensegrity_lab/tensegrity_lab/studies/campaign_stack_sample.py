@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A sample of computed trials, once more through the whole stack: real processes, real bytes, the same virtual prototypes."""
 
-from __future__ import annotations
-
 import random
 import subprocess
 import sys

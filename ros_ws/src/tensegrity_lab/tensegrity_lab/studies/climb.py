@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How steep gaits climb: the virtual prototype's body alone, without ROS or bytes, sent uphill by one gait of each primitive."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import NamedTuple

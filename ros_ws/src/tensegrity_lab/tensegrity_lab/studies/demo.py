@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The demo: starts the virtual prototype and the nodes, arms, rolls, reports, and leaves a bag and a picture."""
 
-from __future__ import annotations
-
 import random
 import signal
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A walk over the face graph that shows different gaits, mirrored ones among them."""
 
-from __future__ import annotations
-
 import random
 from itertools import pairwise
 

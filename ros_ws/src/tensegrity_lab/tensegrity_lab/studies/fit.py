@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the command `fit` does, step by step."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Does learning from trials help? Hidden virtual robots, some trials of each, and what was learnt put to the test."""
 
-from __future__ import annotations
-
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The page learning.md, every figure of it from a demonstration."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from sim_core.studies.ensemble_fit import LEAST

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The trials of sessions and bags, as a fit wants them: one robot, known gaits, successes and failures."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass

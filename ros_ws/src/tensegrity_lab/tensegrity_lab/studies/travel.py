@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One travel of a virtual prototype through the whole stack: real processes, real bytes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Travels to random goals, on level ground and on a slope, with travellers that know odds and with one that does not."""
 
-from __future__ import annotations
-
 import json
 import math
 from collections.abc import Callable, Iterable, Sequence

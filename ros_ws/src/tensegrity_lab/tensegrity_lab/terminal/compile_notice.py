@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The solver is compiled before a command's own work, so that the wait has a name."""
 
-from __future__ import annotations
-
 import time
 
 from sim_core.rolling.warm_up import Stage, is_warm, warm_up

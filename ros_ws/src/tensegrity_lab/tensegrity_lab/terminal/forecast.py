@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long a long computation will take, told before it begins."""
 
-from __future__ import annotations
-
 import os
 import sys
 from time import perf_counter

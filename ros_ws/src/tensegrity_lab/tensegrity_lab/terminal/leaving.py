@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ctrl-C while something long is computed, and while something must be whole."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Progress of long computations: how much of it, how fast, how long still."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, nullcontext
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who judges trials and puts the robot where it is needed: the virtual prototype's observer, or a person with a keyboard."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple
 

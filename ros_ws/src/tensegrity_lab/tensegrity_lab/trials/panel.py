@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a session shows: a panel to be read from two metres, or, where there is no terminal, lines."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Self

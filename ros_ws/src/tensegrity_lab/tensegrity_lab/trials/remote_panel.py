@@ -6,8 +6,6 @@ panel showed and names it by an id that is used once: keys of a bag that is play
 twice, are none.
 """
 
-from __future__ import annotations
-
 import json
 import os
 import secrets

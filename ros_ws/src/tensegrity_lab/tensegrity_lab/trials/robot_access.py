@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The robot's side of a session: the stack's processes, arming, rolling, and the bag."""
 
-from __future__ import annotations
-
 import math
 import os
 import shutil

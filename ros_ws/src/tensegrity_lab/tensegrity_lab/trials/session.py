@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A session from its first trial due to its last: each is checked, rolled, judged, recorded. May be killed at any point."""
 
-from __future__ import annotations
-
 import math
 import time
 from contextlib import suppress

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """From a command line to a running session: begun or gone on with, its plan shown first."""
 
-from __future__ import annotations
-
 import getpass
 import random
 import signal

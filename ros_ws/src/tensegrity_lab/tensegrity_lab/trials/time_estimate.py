@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """How long a session takes: what the actuators' duty permits sets the pace. The same count of duty as the bridge's."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import NamedTuple
 

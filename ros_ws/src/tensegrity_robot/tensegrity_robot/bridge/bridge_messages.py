@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The bridge's events and snapshots as messages."""
 
-from __future__ import annotations
-
 import math
 
 from builtin_interfaces.msg import Time

@@ -5,8 +5,6 @@ Port and frame timer are in a process of their own, and so is the service `stop`
 to be read here, frames go out in time. One executor thread takes calls; observer and disk have threads of their own.
 """
 
-from __future__ import annotations
-
 import sys
 import threading
 import traceback

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """An observer of the robot, behind a Unix socket, as the bridge's node uses it: faces into the stream, joints for viewers."""
 
-from __future__ import annotations
-
 import time
 from functools import partial
 

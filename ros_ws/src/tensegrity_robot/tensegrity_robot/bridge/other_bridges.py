@@ -5,8 +5,6 @@ A bridge tells its state at 2 Hz. Who is heard there with another session, just 
 it seems to be there for seconds after its process was killed.
 """
 
-from __future__ import annotations
-
 import time
 
 from rclpy.lifecycle import LifecycleNode

@@ -5,8 +5,6 @@ It subscribes to nothing and takes no message but a stop, which has no content: 
 long the node needs to read it, frames go out in time and stop is in force at once. The node starts it, and it ends with the node.
 """
 
-from __future__ import annotations
-
 import os
 import pickle
 import signal

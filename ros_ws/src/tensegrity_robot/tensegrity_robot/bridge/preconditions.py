@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What must hold beside the supervisor's limits before the robot is armed or moved: a log, a calibration, struts that follow."""
 
-from __future__ import annotations
-
 import time
 
 from hardware_bridge.calibration.pulse_map import load_calibration

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """A node's topics and the session's bag together: what is published is recorded, from the same bytes."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Mapping
 from typing import Any

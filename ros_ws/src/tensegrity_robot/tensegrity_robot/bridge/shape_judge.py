@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The judge of shapes for a bridge: made in a thread, because loading (and, the first time, compiling) takes its time."""
 
-from __future__ import annotations
-
 import threading
 
 from sim_core.errors import SimError

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The gait planner: holds the bridge's lease and rolls the robot from face to face."""
 
-from __future__ import annotations
-
 import concurrent.futures
 import math
 import time

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The planner's lease of the bridge: asks for it, proves that its holder lives, and gives it back."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from typing import Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Rehearsal beside a node: an ensemble of perturbed robots in a thread of its own, so that the node's callbacks never wait."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from concurrent.futures import Future, ThreadPoolExecutor

@@ -4,8 +4,6 @@
 It asks the planner for every roll and never the bridge for a motion: what the planner refuses is not done.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

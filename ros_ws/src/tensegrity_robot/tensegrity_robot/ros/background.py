@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Long work in a background thread, awaited in an executor that goes on meanwhile."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable
 from functools import partial

@@ -6,8 +6,6 @@ nothing. The middleware has the message as a C structure, which says how many po
 is replaced by one that looks there first. It is the conversion of one type, in the bridge's process only.
 """
 
-from __future__ import annotations
-
 import ctypes
 from typing import Any
 

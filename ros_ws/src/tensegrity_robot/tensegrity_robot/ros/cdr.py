@@ -6,8 +6,6 @@ numbers at the end, it is too long by the alignment that nobody needed, and the 
 (rosbags) refuse such messages, so the exact length is counted here.
 """
 
-from __future__ import annotations
-
 import re
 from collections.abc import Hashable
 from functools import cache

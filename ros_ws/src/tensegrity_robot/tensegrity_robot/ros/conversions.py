@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Values to messages and back."""
 
-from __future__ import annotations
-
 import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Who on the network may find, and so command, the robot: this machine only, unless the user says otherwise."""
 
-from __future__ import annotations
-
 import os
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What is worth keeping: which of an observer's observations are news, which events are of this stream. Knows no ROS."""
 
-from __future__ import annotations
-
 
 class ObservationFilter:
     """News: the face, or whether the robot rests on it, has changed; or it rests there still after struts were moved."""

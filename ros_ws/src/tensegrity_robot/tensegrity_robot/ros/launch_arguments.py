@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the launch file is given: checked as a whole before anything starts. A mistake found later would leave processes behind."""
 
-from __future__ import annotations
-
 import difflib
 import math
 import os

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """One node, one process: from the start to a clean end by a signal."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys

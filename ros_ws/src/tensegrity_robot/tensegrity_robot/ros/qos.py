@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """Quality of service of the stack's topics (see docs/architecture.md): all reliable, all keep the newest `depth` messages."""
 
-from __future__ import annotations
-
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 STREAM = QoSProfile(depth=2000)

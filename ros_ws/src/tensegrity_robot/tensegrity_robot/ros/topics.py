@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """The one table of the stack's topics: publishers, subscriptions, recorder, player and the reference are made from it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any, NamedTuple
 

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the twin looks like in RViz or Foxglove."""
 
-from __future__ import annotations
-
 import numpy as np
 from geometry_msgs.msg import Point, Vector3
 from std_msgs.msg import ColorRGBA, Header

@@ -6,8 +6,6 @@ thread of its own: an executor's timer at 200 Hz costs more than twice as much a
 at the model.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

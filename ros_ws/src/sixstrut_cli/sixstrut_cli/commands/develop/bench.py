@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut bench`: speed, accuracy and memory, side by side with MuJoCo; or, with --stack, what the stack itself costs."""
 
-from __future__ import annotations
-
 import importlib
 import json
 import os

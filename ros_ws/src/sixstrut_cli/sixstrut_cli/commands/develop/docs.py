@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut docs`: the reference pages from the code, and the documentation as a site."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut faults`: the failures that must be survived, made to happen."""
 
-from __future__ import annotations
-
 import json
 import signal
 from typing import Annotated

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`./sixstrut test`: everything that has to hold before a change goes in."""
 
-from __future__ import annotations
-
 import os
 import signal
 import subprocess

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut climb`: how steep each primitive of a library still rolls uphill."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from statistics import median

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut rehearse`: try a roll on an ensemble before the robot does it."""
 
-from __future__ import annotations
-
 import json
 from time import perf_counter
 from typing import Annotated

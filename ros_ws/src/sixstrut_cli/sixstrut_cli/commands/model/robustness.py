@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut robustness`: how often a library's gaits work on prototypes nobody trained on."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from time import perf_counter

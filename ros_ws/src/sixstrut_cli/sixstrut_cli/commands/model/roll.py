@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut roll`: simulate one roll and judge it."""
 
-from __future__ import annotations
-
 import json
 import math
 from typing import Annotated

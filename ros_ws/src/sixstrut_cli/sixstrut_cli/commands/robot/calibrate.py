@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut calibrate`: measure the robot's struts, with a person at the keyboard."""
 
-from __future__ import annotations
-
 import contextlib
 import signal
 import sys

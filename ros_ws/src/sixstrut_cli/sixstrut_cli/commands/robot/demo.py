@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut demo`: the whole chain, rolling the virtual prototype."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated
 

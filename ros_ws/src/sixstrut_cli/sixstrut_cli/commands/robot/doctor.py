@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut doctor`: what is well, what is not, and how to mend it."""
 
-from __future__ import annotations
-
 import json
 
 import typer

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut play`: a bag into ROS, for a twin and viewers."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 from typing import Annotated

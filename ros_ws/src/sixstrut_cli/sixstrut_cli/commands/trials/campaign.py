@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut campaign`: whole libraries on virtual prototypes, and a sample of it through the whole stack."""
 
-from __future__ import annotations
-
 import os
 import shlex
 import time

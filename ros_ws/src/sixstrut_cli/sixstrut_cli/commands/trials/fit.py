@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut fit`: what trials say of this robot."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

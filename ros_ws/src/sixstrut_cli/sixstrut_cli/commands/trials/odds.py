@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut odds`: were the probabilities that rehearsals foretold right?"""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 from typing import Annotated

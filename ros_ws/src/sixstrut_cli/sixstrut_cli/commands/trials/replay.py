@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut replay`: step the twin through a recorded session."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Sequence

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut report`: the figures of sessions of trials."""
 
-from __future__ import annotations
-
 import shlex
 from pathlib import Path
 from typing import Annotated, Any

@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut trial`: a session of trials, a day long, that may end at any moment and goes on from there."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Annotated, Any
 
