@@ -40,13 +40,13 @@ class Terminal:
         fcntl.ioctl(self._terminal, termios.TIOCSWINSZ, struct.pack("HHHH", 50, 200, 0, 0))
 
     def says(self, *wanted: str, limit_s: float = LIMIT_S) -> str:
-        """Waits until it has said one of the texts after what was waited for before; that text."""
+        """Waits until it has said one of the texts, however broken into lines, after what was waited for before; that text."""
         end = time.monotonic() + limit_s
+        patterns = [(re.compile(re.escape(text).replace("\\ ", r"\s+")), text) for text in wanted]
         while True:
-            found = [(place, text) for text in wanted if (place := self.text.find(text, self._at)) >= 0]
+            found = [(match.span(), text) for pattern, text in patterns if (match := pattern.search(self.text, self._at))]
             if found:
-                place, text = min(found)
-                self._at = place + len(text)
+                (_, self._at), text = min(found)
                 return text
             assert self._read(end - time.monotonic()), f"waited for {wanted}; it said: {self.text[-1500:]}"
 

@@ -46,7 +46,7 @@ class Topic(NamedTuple):
         """The module's public functions that make a case, by name, in its order."""
         functions = [function for function in vars(self.module).values() if isfunction(function)]
         own = [function for function in functions if function.__module__ == self.module.__name__ and function.__name__[0] != "_"]
-        return {function.__name__: function for function in own if function.__annotations__["return"] == "Case"}
+        return {function.__name__: function for function in own if function.__annotations__["return"] is Case}
 
 
 TOPICS: tuple[Topic, ...] = (

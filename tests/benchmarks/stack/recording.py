@@ -83,7 +83,7 @@ def _burst(path: Path, messages: list[_Raw]) -> tuple[float, int, float]:
     return 1e6 * given_s / len(messages), most, drained_s
 
 
-def _overload(path: Path, endless: cycle[_Raw]) -> tuple[int, int, int, int, str]:
+def _overload(path: Path, endless: "cycle[_Raw]") -> tuple[int, int, int, int, str]:
     """Faster than it can write, until it says that it cannot, and ten more: size of the queue, accepted, lost, recorded, fault."""
     log = _recorder(path)
     accepted = refused = 0

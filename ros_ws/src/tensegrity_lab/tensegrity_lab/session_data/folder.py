@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, TextIO, get_type_hints
 
 import yaml
 
@@ -153,11 +153,10 @@ def open_session(path: Path) -> SessionFolder:
 
 def _require_types(file: Path, settings: Settings) -> None:
     """Raises SessionError: a setting is of another type than it should be."""
-    for field in fields(Settings):
-        value = getattr(settings, field.name)
-        wanted: Any = {"str": str, "int": int, "bool": bool, "float": (int, float)}[str(field.type)]
-        if not isinstance(value, wanted) or (field.type != "bool" and isinstance(value, bool)):
-            raise SessionError(f"{file}: {field.name} is {brief(value)}; valid is a value of type {field.type}")
+    for name, kind in get_type_hints(Settings).items():
+        value = getattr(settings, name)
+        if not isinstance(value, (int, float) if kind is float else kind) or (kind is not bool and isinstance(value, bool)):
+            raise SessionError(f"{file}: {name} is {brief(value)}; valid is a value of type {kind.__name__}")
 
 
 def require_same(settings: Settings, asked: Mapping[str, object]) -> None:
