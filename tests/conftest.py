@@ -16,6 +16,13 @@ settings.load_profile("all" if ALL else "quick")
 _END = time.monotonic() + 60.0 * float(os.environ.get("SIXSTRUT_TEST_MINUTES", "inf"))
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """With two workers: what starts ROS nodes comes first, one after the other in one of them; the rest a file at a time."""
+    items.sort(key=lambda item: item.get_closest_marker("ros") is None)
+    for item in items:
+        item.add_marker(pytest.mark.xdist_group("ros" if item.get_closest_marker("ros") else str(item.path)))
+
+
 def pytest_runtest_setup(item: pytest.Item) -> None:
     """With a limit (`./sixstrut test --minutes`), what is not begun in time is skipped, and says so."""
     if time.monotonic() > _END:

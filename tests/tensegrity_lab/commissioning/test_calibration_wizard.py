@@ -116,7 +116,7 @@ def test_a_person_walks_through_six_struts_leaves_and_comes_back(sit_down, tmp_p
     assert [path.name for path in tmp_path.iterdir()] == ["mine.yaml"], "practice leaves nothing of robots behind"
 
 
-@pytest.mark.parametrize("board", ["ssc32", "maestro:crc"])
+@pytest.mark.parametrize("board", ["ssc32", pytest.param("maestro:crc", marks=pytest.mark.slow)])
 def test_the_other_boards_are_walked_the_same_way(sit_down, tmp_path, board):
     person = sit_down(*WORDS, "--board", board)
     person.says("[234]:")
@@ -207,6 +207,7 @@ def test_a_real_board_that_nobody_knows_is_asked_about_and_its_robot_is_known_af
     assert person.leaves() == 130
 
 
+@pytest.mark.slow
 def test_a_silent_board_is_not_moved_without_the_word(sit_down, wire):
     person = sit_down("--port", wire.port, *NAMED)
     person.says("the board (lsc) has never answered on")

@@ -193,6 +193,7 @@ def test_practising_to_calibrate(lab: Lab) -> None:
     lab.was_left_alone()
 
 
+@pytest.mark.slow
 def test_failures_made_to_happen(lab: Lab) -> None:
     command = lab.beside.command("faults", "--only", "4")
     assert command.ends(LIMIT_S) == 0, command.output

@@ -92,8 +92,9 @@ def test_twin_and_prototype_coincide_without_perturbation_and_part_at_ten_percen
     assert "scale 0.1, seed 6; uniform" in printed
 
 
+@pytest.mark.slow
 @pytest.mark.ros
-@pytest.mark.parametrize("number", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_interrupted_in_mid_roll_it_holds_the_struts_closes_the_bag_and_exits_0(number, tmp_path):
     process = demo(tmp_path)
     lines = []

@@ -202,6 +202,7 @@ def test_a_person_judges_by_one_key_undoes_leaves_and_comes_back(tmp_path):
     ]
 
 
+@pytest.mark.slow
 def test_the_plan_is_shown_first_with_order_duty_and_time(tmp_path):
     words = ("trial", str(tmp_path / "s"), "--primitives", "1-4,21-24", "--order-seed", "9", "--robot", "ours", "--plan")
     result = sixstrut(*words, "--port", "/dev/none")
@@ -254,6 +255,7 @@ def test_a_session_that_runs_is_not_run_twice(tmp_path):
     assert f"is being run by process {os.getpid()}" in result.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.timeout(600)
 def test_interrupted_in_mid_roll_the_trial_is_void_and_the_bag_closed(tmp_path):

@@ -46,6 +46,7 @@ def frames(operator):
     return [message for message in operator.sent if not message.heartbeat]
 
 
+@pytest.mark.slow
 def test_after_the_first_has_gone_silent_the_second_may_arm(armed, second):
     armed.lease = ""
     wait_until(lambda: armed.bridge.state == BridgeState.HOLD, 10.0, "HOLD")
@@ -53,6 +54,7 @@ def test_after_the_first_has_gone_silent_the_second_may_arm(armed, second):
     assert answer.success, answer.message
 
 
+@pytest.mark.slow
 def test_playing_a_bag_beside_an_armed_bridge_moves_nothing(armed, second):
     from mcap.reader import make_reader
 

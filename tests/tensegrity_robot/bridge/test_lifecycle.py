@@ -116,6 +116,7 @@ def test_configure_fails_without_a_device_and_succeeds_once_it_is_there(life):
     assert not life.board.moves
 
 
+@pytest.mark.slow
 def test_a_device_lost_while_inactive_is_a_fault_and_activation_does_not_arm_it(life):
     assert life.go(Transition.TRANSITION_CONFIGURE)
     life.board.unplug()
@@ -126,6 +127,7 @@ def test_a_device_lost_while_inactive_is_a_fault_and_activation_does_not_arm_it(
     assert "then call reset" in refused.message
 
 
+@pytest.mark.slow
 def test_deactivate_with_a_lost_device_goes_through_and_the_fault_stays(life):
     life.unplugged_while_homing()
     assert life.go(Transition.TRANSITION_DEACTIVATE)
@@ -153,6 +155,7 @@ def test_a_fault_outlives_cleanup_and_only_reset_leaves_it(life):
     assert life.arm().success
 
 
+@pytest.mark.slow
 def test_a_calibration_that_is_swapped_while_the_bridge_lives_knows_no_positions(life):
     """A4: cleanup and configure take the new file; what was sent with the old one says nothing of it."""
     for confirmed in (MID, []):  # the same file: where it was left is known
@@ -172,6 +175,7 @@ def test_a_calibration_that_is_swapped_while_the_bridge_lives_knows_no_positions
     assert life.arm().success, "the operator has looked"
 
 
+@pytest.mark.slow
 def test_shutdown_with_a_lost_device_ends_the_process_well(life):
     life.unplugged_while_homing()
     life.go(Transition.TRANSITION_ACTIVE_SHUTDOWN)
@@ -192,6 +196,7 @@ def test_deactivate_in_motion_holds_every_strut_and_takes_the_lease(life):
     assert "inactive" in life.arm().message
 
 
+@pytest.mark.slow
 def test_diagnostics_tell_what_a_person_needs(life):
     seen = {}
 

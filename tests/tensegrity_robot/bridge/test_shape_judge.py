@@ -28,6 +28,7 @@ def moved(operator):
     return sum(not message.heartbeat for message in operator.sent)
 
 
+@pytest.mark.slow
 def test_a_shape_that_the_structure_must_not_take_is_refused_whole(armed):
     before = moved(armed)
     result = armed.move((3.0, [0.189] * 6), lease=armed.lease)
@@ -53,6 +54,7 @@ def test_stop_does_not_wait_for_the_judge_and_what_was_judged_is_refused(armed):
     assert moved(armed) <= before + 1, "the hold, and nothing that moves"
 
 
+@pytest.mark.slow
 def test_a_goal_is_too_old_if_it_took_too_long_to_judge_and_may_be_sent_again(armed):
     before = moved(armed)
     there_and_back = [

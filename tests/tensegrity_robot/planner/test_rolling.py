@@ -195,6 +195,7 @@ def test_every_topic_that_a_viewer_asks_for_is_published_with_stamp_and_frame(st
             assert {header.frame_id for header in headers} == {"odom"}, topic
 
 
+@pytest.mark.slow
 def test_a_twin_that_is_started_again_joins_where_the_robot_stands(stack, robot):
     digests = {}
     robot.node.create_subscription(type(robot.twin), "twin/state", lambda m: digests.setdefault(m.first_seq, m), 10)

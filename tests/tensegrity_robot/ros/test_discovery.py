@@ -53,6 +53,7 @@ def addresses(pid: int) -> set[str]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_no_node_has_a_socket_on_any_other_interface(processes, operator):
     processes.node("virtual_prototype", "--time-scale", "10").says("ready")

@@ -30,6 +30,7 @@ def real_port():
     os.close(far)
 
 
+@pytest.mark.slow
 def test_all_start_with_no_argument_and_the_bridge_waits_for_a_prototype(processes, operator):
     bridge, twin, planner = (processes.node(name) for name in ("hardware_bridge", "twin", "gait_planner"))
     bridge.says("start one with `ros2 run tensegrity_robot virtual_prototype`")
@@ -107,6 +108,7 @@ def test_a_real_port_has_no_time_scale(processes, real_port):
     assert "valid is 1 only" in error
 
 
+@pytest.mark.slow
 def test_another_board_than_the_virtual_prototypes_is_a_one_line_error(processes):
     processes.node("virtual_prototype", "--board", "maestro:crc").says("ready")
     error = one_line_error(processes.node("hardware_bridge", board="ssc32"))
@@ -162,6 +164,7 @@ def test_the_bridge_goes_through_its_life_by_lifecycle_calls(processes, operator
     assert operator.move((1.0, [0.234] * 6)).reason.startswith("unconfigured: ros2 lifecycle set /hardware_bridge configure")
 
 
+@pytest.mark.slow
 def test_a_standalone_twin_is_a_robot_that_takes_commands(processes, operator):
     twin = processes.node("twin", mode="standalone", time_scale=5.0, rate_hz=50.0, start_face="TO1")
     lengths: list[list[float]] = []

@@ -96,6 +96,7 @@ def test_a_twin_follows_its_bridge_through_forged_events_and_ends_when_told(proc
     assert twin.ends() == 0
 
 
+@pytest.mark.slow
 def test_a_twin_that_slept_while_its_bridge_went_on_catches_up(processes, bridge):
     twin = processes.node("twin")
     wait_until(lambda: bridge.follows(0), 30.0, "a twin that follows")

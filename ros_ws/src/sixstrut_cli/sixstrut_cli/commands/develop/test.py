@@ -27,7 +27,7 @@ _CHECKS = {
 }
 _SOAK = ["tests/soak", "-m", "soak", "-q"]
 _FINE = (0, 5)  # 5: pytest found no test of that kind
-_WORKERS = ["-n", "2", "--dist", "loadfile", "-q"]
+_WORKERS = ["-n", "2", "--dist", "loadgroup", "-q"]
 
 
 def command(
@@ -50,7 +50,11 @@ def command(
     signal.signal(signal.SIGTERM, _on_sigterm)
     chosen = [*(_SOAK if soak else []), *context.args]
     kind = "slow" if slow else "not soak" if everything else "not slow and not soak"
-    steps = {"pytest": ["-m", "pytest", *chosen]} if chosen else {**({} if slow else _CHECKS), **_tests(kind)}
+    steps = (
+        {"pytest": ["-m", "pytest", *chosen]}
+        if chosen
+        else {**({} if slow else _CHECKS), "tests": ["-m", "pytest", "-m", kind, *_WORKERS, "--durations=10"]}
+    )
     with private_domain() as domain, tempfile.TemporaryDirectory(prefix="sixstrut-test-") as state:
         environ = {**os.environ, "SIXSTRUT_STATE_DIR": state}  # tests can meet no robot that runs on this machine
         if everything or slow or soak:
@@ -63,14 +67,6 @@ def command(
     for name, code, seconds in results:
         print(f"{'ok' if code == 0 else 'FAILED':6}  {name:20} {seconds:7.1f} s")
     raise typer.Exit(next((code for _, code, _ in results if code not in _FINE), 0))
-
-
-def _tests(kind: str) -> dict[str, list[str]]:
-    """What starts ROS nodes has the machine to itself; the rest runs beside each other, a file at a time."""
-    return {
-        "tests": ["-m", "pytest", "-m", f"({kind}) and not ros", *_WORKERS, "--durations=10"],
-        "tests with ROS": ["-m", "pytest", "-m", f"({kind}) and ros", "-q", "--durations=10"],
-    }
 
 
 def _run(name: str, arguments: list[str], root: Path, environ: dict[str, str], locks: tuple[int, ...]) -> tuple[int, float]:
