@@ -27,7 +27,7 @@ _CHECKS = {
 }
 _SOAK = ["tests/soak", "-m", "soak", "-q"]
 _FINE = (0, 5)  # 5: pytest found no test of that kind
-_WORKERS = ["-n", "2", "--dist", "loadgroup", "-q"]
+_WORKERS = ["-n", "2", "--dist", "loadgroup", "-q", "--durations=10"]
 
 
 def command(
@@ -50,11 +50,8 @@ def command(
     signal.signal(signal.SIGTERM, _on_sigterm)
     chosen = [*(_SOAK if soak else []), *context.args]
     kind = "slow" if slow else "not soak" if everything else "not slow and not soak"
-    steps = (
-        {"pytest": ["-m", "pytest", *chosen]}
-        if chosen
-        else {**({} if slow else _CHECKS), "tests": ["-m", "pytest", "-m", kind, *_WORKERS, "--durations=10"]}
-    )
+    whole = {**({} if slow else _CHECKS), "tests": ["-m", "pytest", "-m", kind, *_WORKERS]}
+    steps = {"pytest": ["-m", "pytest", *chosen]} if chosen else whole
     with private_domain() as domain, tempfile.TemporaryDirectory(prefix="sixstrut-test-") as state:
         environ = {**os.environ, "SIXSTRUT_STATE_DIR": state}  # tests can meet no robot that runs on this machine
         if everything or slow or soak:
