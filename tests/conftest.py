@@ -1,11 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """For all tests: how hypothesis draws, and an end to a run that has a limit."""
 
+import functools
 import os
 import time
+from pathlib import Path
 
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadFileScheduling
 
 from tests.scale import ALL
 
@@ -17,10 +20,27 @@ _END = time.monotonic() + 60.0 * float(os.environ.get("SIXSTRUT_TEST_MINUTES", "
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """With two workers: what starts ROS nodes comes first, one after the other in one of them; the rest a file at a time."""
-    items.sort(key=lambda item: item.get_closest_marker("ros") is None)
-    for item in items:
-        item.add_marker(pytest.mark.xdist_group("ros" if item.get_closest_marker("ros") else str(item.path)))
+    """What starts ROS nodes comes first: with two workers it keeps one of them busy to the end."""
+    items.sort(key=lambda item: not _starts_nodes(item.path))
+
+
+class Rooms(LoadFileScheduling):
+    """For `-n`: a file at a time in one worker; those that start ROS nodes one after the other, in the same one."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        file = nodeid.split("::", 1)[0]
+        return "ros" if _starts_nodes(self.config.rootpath / file) else file
+
+
+def pytest_xdist_make_scheduler(config: pytest.Config, log: object) -> Rooms:
+    """Files in the order of collection."""
+    config.option.loadscopereorder = False
+    return Rooms(config, log)
+
+
+@functools.cache
+def _starts_nodes(file: Path) -> bool:
+    return "pytest.mark.ros" in file.read_text(encoding="utf-8")
 
 
 def pytest_runtest_setup(item: pytest.Item) -> None:

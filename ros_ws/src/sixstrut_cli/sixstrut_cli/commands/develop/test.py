@@ -27,7 +27,7 @@ _CHECKS = {
 }
 _SOAK = ["tests/soak", "-m", "soak", "-q"]
 _FINE = (0, 5)  # 5: pytest found no test of that kind
-_WORKERS = ["-n", "2", "--dist", "loadgroup", "-q", "--durations=10"]
+_WORKERS = ["-n", "2", "--dist", "loadfile", "-q", "--durations=10"]
 
 
 def command(
