@@ -12,6 +12,9 @@ from xdist.scheduler import LoadFileScheduling
 
 from tests.scale import ALL
 
+if "PYTEST_XDIST_WORKER" in os.environ:  # beside another worker: a core each
+    os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+
 settings.register_profile("quick", derandomize=True, deadline=None, database=None)
 settings.register_profile("all", deadline=None)
 settings.load_profile("all" if ALL else "quick")

@@ -66,7 +66,7 @@ def client(module_processes, domain):
     module_processes.node("twin")
     module_processes.node("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
     traveller = module_processes.node("traveller")
-    module_processes.node("hardware_bridge")
+    module_processes.node("hardware_bridge", lease_silence_s=5.0)
     prototype.says("ready")
     operator = StackClient(domain=domain, events=True)
     operator.wait_for_stack()
