@@ -100,6 +100,9 @@ def test_a_cancelled_travel_holds_the_struts(robot):
     assert answer.status == GoalStatus.STATUS_CANCELED
     assert "cancelled" in answer.result.reason
     robot.sees(BridgeState.HOLD)
+    began = robot.now_ns()
+    robot.hears_more(3)
+    assert not robot.wrote_since(began)
 
 
 def test_a_planner_that_ends_in_mid_roll_has_the_struts_held(stack, robot):

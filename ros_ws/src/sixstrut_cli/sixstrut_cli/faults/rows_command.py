@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
 import serial
 from builtin_interfaces.msg import Time
@@ -118,7 +119,8 @@ def other_clocks(lab: Lab) -> Evidence:
         operator.sees(BridgeState.HOLD, 10.0)
         evidence.says(operator.bridge.reason, "was silent for more than 1 s")
     finally:
-        operator.from_executor(lambda: operator.node.destroy_timer(timer) and operator.node.destroy_publisher(clock))
+        operator.from_executor(partial(operator.node.destroy_timer, timer))
+        operator.from_executor(partial(operator.node.destroy_publisher, clock))
     return evidence
 
 
