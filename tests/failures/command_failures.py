@@ -7,6 +7,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 
 import serial
 from builtin_interfaces.msg import Time
@@ -117,7 +118,8 @@ def other_clocks(lab: Rig) -> Evidence:
         operator.sees(BridgeState.HOLD, 10.0)
         evidence.says(operator.bridge.reason, "was silent for more than 1 s")
     finally:
-        operator.in_executor(lambda: operator.node.destroy_timer(timer) and operator.node.destroy_publisher(clock))
+        operator.in_executor(partial(operator.node.destroy_timer, timer))
+        operator.in_executor(partial(operator.node.destroy_publisher, clock))
     return evidence
 
 

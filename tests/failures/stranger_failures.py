@@ -32,8 +32,8 @@ REAL_TIME = replace(STRUTS, time_scale=1.0)
 MOST_FRAMES = 2
 """After a stop was called: one that was being written, and the one that holds."""
 
-MOST_LATE_FRAMES = 20
-"""So many in no try, however busy the computer: a stop that waits in a line behind a flood waits for longer."""
+MOST_LATE_FRAMES = 5
+"""So many in no try: what was seen on a computer that a flood keeps busy."""
 
 MOST_TRIES = 3
 """A busy computer delays one stop now and then; a stop that waits in a line is late every time."""
@@ -96,15 +96,16 @@ def stop_under_load(lab: Rig) -> Evidence:
     loads: dict[str, Callable[[], Any]] = {name: partial(flood, lab, *words) for name, words in FLOODS.items()}
     loads["a node that stands still"] = partial(frozen, lab)
     for name, load in loads.items():
-        for tries in range(1, MOST_TRIES + 1):
+        slowest_ms, frames, tries = 0.0, MOST_LATE_FRAMES, 0
+        while frames > MOST_FRAMES and tries < MOST_TRIES:
+            tries += 1
             took_ms, frames = stop_in_mid_motion(lab, load)
-            expect(
-                frames <= (MOST_LATE_FRAMES if tries < MOST_TRIES else MOST_FRAMES),
-                f"{frames} frames went out after stop, under {name}",
-            )
-            if frames <= MOST_FRAMES:
-                break
-        evidence.figures[f"stop to last bytes, under {name} [ms]"] = round(took_ms, 1)
+            expect(frames <= MOST_LATE_FRAMES, f"{frames} frames went out after stop, under {name}")
+            slowest_ms = max(slowest_ms, took_ms)
+        expect(frames <= MOST_FRAMES, f"{frames} frames went out after stop, in the best of {tries} tries under {name}")
+        evidence.figures[f"stop to last bytes, under {name} [ms]"] = round(slowest_ms, 1)
+        if tries > 1:
+            evidence.figures[f"tries, under {name}"] = tries
     with flood(lab, "execute_struts", str(POINTS)) as sender:
         expect(sender.ends(60.0) == 0, "the goal was not answered")
     evidence.says(sender.output.splitlines()[-1], f"the trajectory has {POINTS} points", "send fewer")

@@ -91,7 +91,8 @@ def test_the_last_frame_holds_the_struts_where_the_board_is(interrupted, how):
         assert min(sent, was) - 1 <= held <= max(sent, was) + 1
         assert abs(held - sent) <= 12, "a frame at the speed limit, and a pulse"
     assert last.duration_ms == before.duration_ms == 55
-    assert max(abs(length - 0.234) for length in last.length_m) > 0.01
+    # 10 mm off neutral had been sent; the board, where it is held, is up to one frame at the speed limit behind
+    assert max(abs(length - 0.234) for length in last.length_m) > 0.0085
     (frame,) = FrameDecoder().feed(bytes(last.frame))
     move = decode_move(frame)
     assert move is not None

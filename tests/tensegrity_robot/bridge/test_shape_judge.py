@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The real judge of shapes behind the real node."""
 
+import time
+
 import pytest
 
 from hardware_bridge.errors import may_be_sent_again
@@ -44,10 +46,13 @@ def test_stop_does_not_wait_for_the_judge_and_what_was_judged_is_refused(armed):
     zigzag = [(5.0 * knot, [0.234 + (0.03 if knot % 2 else -0.03), *MID[1:5], 0.234 + 0.002 * knot]) for knot in range(1, 13)]
     goal = armed.begin_motion(*zigzag, lease=armed.lease, once=True)
     ended = armed.begun(goal.get_result_async)
+    begun = time.monotonic()
     assert armed.trigger("stop").success
+    stop_s = time.monotonic() - begun
     wait_until(lambda: armed.bridge.state == BridgeState.FAULT, 10.0, "the fault")
     assert not ended.done(), "the 700 shapes are judged still"
     wait_until(ended.done, 60.0, "the verdict")
+    assert stop_s < 0.5 * (time.monotonic() - begun), "stop waited for the judge"
     result = ended.result().result
     assert not result.success
     assert "stop pressed" in result.reason

@@ -99,6 +99,9 @@ def test_a_cancelled_travel_holds_the_struts(robot):
     assert answer.status == GoalStatus.STATUS_CANCELED
     assert "cancelled" in answer.result.reason
     robot.sees(BridgeState.HOLD)
+    began = robot.now_ns()
+    robot.hears_more(3)
+    assert not robot.wrote_since(began)
 
 
 @pytest.mark.slow
