@@ -3,6 +3,7 @@
 
 import functools
 import os
+import signal
 import time
 from pathlib import Path
 
@@ -14,6 +15,9 @@ from tests.scale import ALL
 
 if "PYTEST_XDIST_WORKER" in os.environ:  # beside another worker: a core each
     os.environ.setdefault("NUMBA_NUM_THREADS", "1")
+
+if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:  # begun in the background of a shell
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 settings.register_profile("quick", derandomize=True, deadline=None, database=None)
 settings.register_profile("all", deadline=None)
