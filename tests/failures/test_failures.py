@@ -12,7 +12,7 @@ from tests.failures.table import RUNNING_ORDER, SCENARIOS, scenario
 
 pytestmark = pytest.mark.ros
 
-QUICK = {1, 9}
+QUICK = {1}
 ROWS = [number if number in QUICK else pytest.param(number, marks=pytest.mark.slow) for number in RUNNING_ORDER]
 
 

@@ -117,14 +117,20 @@ def test_a_roll_that_does_not_work_exits_4_and_says_why():
         (("fly",), 2, "fly"),
     ],
 )
-def test_bad_input_is_one_line_that_says_what_is_valid(words, code, message):
-    result = sixstrut(*words)
-    assert result.returncode == code, result.stderr
-    said = " ".join(result.stderr.replace("│", " ").split())
-    assert message in said
-    assert "Traceback" not in result.stderr
+def test_bad_input_is_one_line_that_says_what_is_valid(words, code, message, capsys):
+    assert app.run(list(words)) == code
+    said = capsys.readouterr().err
+    assert message in " ".join(said.split())
+    assert "Traceback" not in said
     if code == 1:
-        assert len(result.stderr.strip().splitlines()) == 1
+        assert len(said.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(("words", "code"), [(("roll", "--from", "TC9"), 1), (("fly",), 2)])
+def test_a_shell_hears_the_exit_code_and_one_line(words, code):
+    result = sixstrut(*words)
+    assert (result.returncode, result.stdout) == (code, "")
+    assert len(result.stderr.strip().splitlines()) == 1
 
 
 def test_a_robustness_study_writes_json_tables_and_picture(tmp_path):
@@ -204,19 +210,17 @@ def library(tmp_path):
         (("climb", "-o"), "climb limits"),
     ],
 )
-def test_a_file_of_another_kind_is_never_overwritten_and_found_before_any_work(library, words, wanted):
+def test_a_file_of_another_kind_is_never_overwritten_and_found_before_any_work(library, words, wanted, capsys):
     before = library.read_bytes()
-    result = sixstrut(*words, str(library))
-    assert result.returncode == 2, result.stderr
-    said = "".join(result.stderr.replace("│", " ").split())
+    assert app.run([*words, str(library)]) == 2
+    said = "".join(capsys.readouterr().err.split())
     assert "".join(f"exists and is a primitive library, not {wanted}: it is left as it is".split()) in said
     assert library.read_bytes() == before
 
 
-def test_a_picture_is_not_written_over_a_file_that_is_none(library):
-    result = sixstrut("roll", "--picture", str(library))
-    assert result.returncode == 2
-    assert "validendsare.png,.svg,.pdf" in "".join(result.stderr.replace("│", " ").split())
+def test_a_picture_is_not_written_over_a_file_that_is_none(library, capsys):
+    assert app.run(["roll", "--picture", str(library)]) == 2
+    assert "validendsare.png,.svg,.pdf" in "".join(capsys.readouterr().err.split())
 
 
 def test_the_kinds_of_files_are_told_apart():

@@ -13,10 +13,11 @@ from hardware_bridge.driver.child_process import bound
 from tests.hardware_bridge.helpers import wait_for
 
 CHILD = """
-import signal, sys
+import signal, sys, time
 signal.signal(signal.SIGINT, lambda *_: sys.exit(open(sys.argv[1] + ".end", "w").write("a clean end") and 0))
 open(sys.argv[1], "w").write("ready")
-signal.pause()
+while True:
+    time.sleep(0.05)  # a signal just before signal.pause() would be slept over
 """
 PARENT = """
 import subprocess, sys

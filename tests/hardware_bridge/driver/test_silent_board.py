@@ -20,6 +20,7 @@ from hardware_bridge.virtual_prototype.boards.registry import emulate
 from tests.hardware_bridge.boards.test_registry import SPECS
 from tests.hardware_bridge.driver.test_bridge import armed
 from tests.hardware_bridge.helpers import MID, Wire, attended, wait_for
+from tests.scale import few
 
 Make = Callable[..., Bridge]
 
@@ -41,7 +42,7 @@ def bytes_of(wire: Wire) -> bytes:
     return data
 
 
-@pytest.mark.parametrize("spec", SPECS)
+@pytest.mark.parametrize("spec", few(SPECS, 3))
 def test_a_silent_board_is_not_armed_and_gets_nothing_but_queries(make_bridge: Make, rules: Rules, wire: Wire, spec: str) -> None:
     board = parse_board(spec)
     bridge = make_bridge(wire.port, board=board, silent_board=False)

@@ -274,6 +274,7 @@ def test_a_journal_that_kills_its_reader_kills_nobody_else(tmp_path, journals, w
     assert journal.exists()
 
 
+@pytest.mark.slow
 def test_a_journal_made_of_bombs_ends_within_its_limits(tmp_path):
     """Chunks that unpack to gigabytes, in a file that calls itself a journal: no journal has any, they are not unpacked."""
     import zstandard

@@ -45,6 +45,7 @@ def robot(stack_operator):
     stack_operator.sees(BridgeState.DISARMED)
 
 
+@pytest.mark.slow
 def test_a_cancelled_roll_holds_the_struts_and_the_next_returns_to_neutral_first(robot):
     robot.arm()
     source = robot.observed.face

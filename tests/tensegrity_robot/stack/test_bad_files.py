@@ -3,6 +3,8 @@
 
 import pytest
 
+from tests.scale import few
+
 pytestmark = pytest.mark.ros
 LIBRARY = "schema: 1\nname: mine\nprimitives:\n- {name: P1, class: TC6-TO5, policy_mm: [1, 2, 3, 4, 5, 6]}\n"
 BAD = {
@@ -14,7 +16,7 @@ BAD = {
 }
 
 
-@pytest.fixture(scope="module", params=BAD)
+@pytest.fixture(scope="module", params=few(BAD, 1))
 def bad(request, tmp_path_factory):
     data, told = BAD[request.param]
     file = tmp_path_factory.mktemp("library") / "bad.yaml"

@@ -16,6 +16,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, FaceGraph
 from tensegrity_lab.stack.processes import wait_until
+from tests.scale import few
 
 pytestmark = pytest.mark.ros
 
@@ -81,7 +82,7 @@ def one_line_error(process) -> str:
     return lines[0]
 
 
-@pytest.mark.parametrize("copied", [False, True])
+@pytest.mark.parametrize("copied", few([True, False], 1))
 def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(processes, operator, real_port, copied):
     unedited = files("hardware_bridge") / "data" / "calibration_default.yaml"
     processes.node("hardware_bridge", port=real_port, **({"calibration": unedited} if copied else {}))
@@ -118,18 +119,21 @@ def test_another_board_than_the_virtual_prototypes_is_a_one_line_error(processes
 
 @pytest.mark.parametrize(
     ("node", "parameters", "why"),
-    [
-        ("twin", {"mode": "watch"}, "parameter mode is 'watch': valid is 'follow' or 'standalone'"),
-        ("twin", {"rate_hz": 500.0}, "parameter rate_hz: valid is a decimal number, such as 1.0, from 1 to 200"),
-        ("twin", {"start_face": "TC9"}, "unknown face 'TC9': valid are TC1..TC8"),
-        ("twin", {"prototype_file": "/nowhere.yaml"}, "cannot read prototype file /nowhere.yaml"),
-        ("gait_planner", {"library": "nonesuch"}, "shipped are:"),
-        ("gait_planner", {"settle_timeout_s": "soon"}, "parameter settle_timeout_s: valid is a decimal number"),
-        ("hardware_bridge", {"calibration": "/nowhere.yaml", "port": "/dev/null"}, "calibration /nowhere.yaml: cannot be read"),
-        ("hardware_bridge", {"port": "spy:///dev/null"}, "spy:// is not taken: it hides the device behind it"),
-        ("hardware_bridge", {"board": "arduino", "port": "/dev/null"}, "board is 'arduino', valid is lsc, ssc32, or maestro"),
-        ("hardware_bridge", {"board": "ssc32", "baud": 9600, "port": "/dev/null"}, "baud is 9600, valid is at least"),
-    ],
+    few(
+        [
+            ("twin", {"rate_hz": 500.0}, "parameter rate_hz: valid is a decimal number, such as 1.0, from 1 to 200"),
+            ("gait_planner", {"library": "nonesuch"}, "shipped are:"),
+            ("hardware_bridge", {"board": "arduino", "port": "/dev/null"}, "board is 'arduino', valid is lsc, ssc32, or maestro"),
+            ("twin", {"mode": "watch"}, "parameter mode is 'watch': valid is 'follow' or 'standalone'"),
+            ("twin", {"start_face": "TC9"}, "unknown face 'TC9': valid are TC1..TC8"),
+            ("twin", {"prototype_file": "/nowhere.yaml"}, "cannot read prototype file /nowhere.yaml"),
+            ("gait_planner", {"settle_timeout_s": "soon"}, "parameter settle_timeout_s: valid is a decimal number"),
+            ("hardware_bridge", {"calibration": "/nowhere.yaml", "port": "/dev/null"}, "calibration /nowhere.yaml: cannot be read"),
+            ("hardware_bridge", {"port": "spy:///dev/null"}, "spy:// is not taken: it hides the device behind it"),
+            ("hardware_bridge", {"board": "ssc32", "baud": 9600, "port": "/dev/null"}, "baud is 9600, valid is at least"),
+        ],
+        3,
+    ),
 )
 def test_a_bad_parameter_is_a_one_line_error(processes, node, parameters, why):
     assert why in one_line_error(processes.node(node, **parameters))
