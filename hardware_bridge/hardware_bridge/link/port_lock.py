@@ -15,6 +15,7 @@ import re
 import socket
 import stat
 import struct
+from pathlib import Path
 from urllib.parse import urlsplit
 
 from hardware_bridge.errors import PortBusy, PortMissing, PortWrongKind
@@ -59,7 +60,12 @@ def lock_port(port: str) -> PortLock:
     Raises:
         PortMissing, PortBusy, PortWrongKind: as `SerialTransport.open`.
     """
-    return PortLock(_addresses(port) if "://" in port else (device_name(port),), port)
+    if "://" in port:
+        return PortLock(_addresses(port), port)
+    name = device_name(port)
+    if who := _sits_at(os.stat(port).st_rdev):  # noqa: PTH116
+        raise PortBusy(port, f"is the terminal of {who}", "give the port of the robot's board")
+    return PortLock((name,), port)
 
 
 def lock_robot(record: str, robot: str, port: str) -> PortLock:
@@ -81,6 +87,27 @@ def device_name(port: str) -> str:
     if not stat.S_ISCHR(status.st_mode):
         raise PortWrongKind(port, "is no serial port", _GIVE)
     return number_of(port, status)
+
+
+def _sits_at(device: int) -> str:
+    """Which process has a device as its terminal, as far as it can be seen; "" for none.
+
+    The name of a pty whose far end is gone goes to the next terminal window: a bridge that opens its port again must not open that.
+    """
+    for folder in Path("/proc").iterdir():
+        if folder.name.isdecimal():
+            with contextlib.suppress(OSError, ValueError):
+                words = (folder / "stat").read_text(encoding="utf-8", errors="replace").rpartition(")")
+                number = int(words[2].split()[4]) & 0xFFFFFFFF
+                if number and number == _as_in_stat(device):
+                    return f"process {folder.name} ({words[0].partition('(')[2]})"
+    return ""
+
+
+def _as_in_stat(device: int) -> int:
+    """A device's number as /proc writes it (proc_pid_stat(5), tty_nr): the minor number in bits 31 to 20 and 7 to 0."""
+    major, minor = os.major(device), os.minor(device)
+    return (minor & 0xFF) | major << 8 | (minor & ~0xFF) << 12
 
 
 def number_of(port: str, status: os.stat_result) -> str:

@@ -5,18 +5,14 @@ One connection, one request: a line of JSON in, a line of JSON back. What exists
 that last. To `{"who": NONCE}` it says who it is, see `handshake`.
 """
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import NamedTuple
 
 from hardware_bridge.errors import PrototypeError
-from hardware_bridge.prototype_client import private_files
-from hardware_bridge.prototype_client.handshake import faults_path
+from hardware_bridge.prototype_client.handshake import ask, faults_path
 
 TO_BOARD, FROM_BOARD = "to_board", "from_board"
-
-ANSWER_LIMIT_S = 5.0
 
 
 class Option(NamedTuple):
@@ -79,10 +75,7 @@ def inject(link: Path, fault: str, direction: str = "", **numbers: float) -> flo
     """
     request = {"fault": fault, **({"direction": direction} if direction else {}), **numbers}
     try:
-        with private_files.connect(faults_path(link), ANSWER_LIMIT_S) as connection:
-            connection.sendall(json.dumps(request).encode() + b"\n")
-            with connection.makefile("rb") as lines:
-                answer = json.loads(lines.readline() or b"{}")
+        _, answer = ask(faults_path(link), request)
     except (OSError, ValueError) as error:
         raise PrototypeError(str(link), f"takes no faults ({error}); is a virtual prototype running there?") from error
     if "robot_time_s" not in answer:

@@ -162,13 +162,21 @@ def _proven(link: Path) -> Handshake:
 def _ask(socket_path: str) -> tuple[int, Mapping[str, Any]]:
     """Process and answer of whoever listens; a nonce shows that it answers now. Raises OSError, ValueError."""
     nonce = secrets.token_hex(16)
+    if not stat.S_ISSOCK(os.lstat(socket_path).st_mode):
+        raise OSError(None, "its socket is no socket")
+    pid, answer = ask(socket_path, {"who": nonce})
+    if answer.get("who") != nonce:
+        raise ValueError
+    return pid, answer
+
+
+def ask(socket_path: str | Path, request: Mapping[str, Any]) -> tuple[int, Mapping[str, Any]]:
+    """Process and answer of the virtual prototype that listens. Raises OSError, ValueError: it says nothing, or no answer."""
     until = time.monotonic() + ANSWER_LIMIT_S
     while time.monotonic() < until:
-        if not stat.S_ISSOCK(os.lstat(socket_path).st_mode):
-            raise OSError(None, "its socket is no socket")
         with private_files.connect(socket_path, ANSWER_LIMIT_S) as connection:
             try:
-                connection.sendall(json.dumps({"who": nonce}).encode() + b"\n")
+                connection.sendall(json.dumps(request).encode() + b"\n")
                 with connection.makefile("rb") as lines:
                     line = lines.readline(_LONGEST_ANSWER)
             except ConnectionError:
@@ -176,8 +184,8 @@ def _ask(socket_path: str) -> tuple[int, Mapping[str, Any]]:
             pid, _ = private_files.peer(connection)
         if line:
             answer = json.loads(line)
-            if not isinstance(answer, Mapping) or answer.get("who") != nonce:
-                raise ValueError
+            if not isinstance(answer, Mapping):
+                raise ValueError(f"its answer is {answer!r}")
             return pid, answer
     raise OSError(None, f"the virtual prototype did not answer in {ANSWER_LIMIT_S:g} s")
 

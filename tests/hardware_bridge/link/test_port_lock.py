@@ -3,11 +3,13 @@
 
 import hashlib
 import os
+import pty
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import termios
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -100,6 +102,23 @@ def test_the_lock_is_the_machines_and_dies_with_its_process(wire: Wire) -> None:
             lock_port(wire.port)
         process.send_signal(signal.SIGKILL)
     lock_port(wire.port).release()
+
+
+def test_a_terminal_that_somebody_sits_at_is_no_robots_port() -> None:
+    """A lost pty's name goes to the next window: its keys must not die because a bridge opens its port again."""
+    process, terminal = pty.fork()
+    if process == 0:
+        os.execvp("sleep", ["sleep", "60"])
+    try:
+        before = termios.tcgetattr(terminal)
+        transport = SerialTransport(os.path.realpath(f"/proc/{process}/fd/0"))
+        with pytest.raises(PortBusy, match=rf"is the terminal of process {process} \((sleep|python[0-9.]*)\)"):
+            transport.open()
+        assert termios.tcgetattr(terminal) == before
+    finally:
+        os.kill(process, signal.SIGKILL)
+        os.close(terminal)
+        os.waitpid(process, 0)
 
 
 def test_nothing_is_opened_in_a_shared_folder(tmp_path: Path) -> None:

@@ -63,8 +63,7 @@ def test_an_explicit_one_is_taken_if_it_is_free() -> None:
 
 def test_one_where_somebody_is_already_is_not_drawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """DDS needs UDP ports that follow from the domain, so nobody can be there unseen."""
-    with free_domain() as number, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:
-        other = next(one for one in DRAWN if one != number)
+    with free_domain() as number, free_domain() as other, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:
         participant.bind(("127.0.0.1", FIRST_PORT + PORTS * number + 10))
         monkeypatch.setattr(module, "DRAWN", (number, other))
         monkeypatch.setattr(module, "_lock", lambda _: socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM))

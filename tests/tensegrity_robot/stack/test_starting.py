@@ -83,7 +83,7 @@ def one_line_error(process) -> str:
 
 
 @pytest.mark.parametrize("copied", few([True, False], 1))
-def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(processes, operator, real_port, copied):
+def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(real_port, processes, operator, copied):
     unedited = files("hardware_bridge") / "data" / "calibration_default.yaml"
     processes.node("hardware_bridge", port=real_port, **({"calibration": unedited} if copied else {}))
     answer = operator.call("bridge/arm", Arm.Request(lifted_and_clear=True, confirmed_lengths_m=[0.234] * 6))
@@ -91,7 +91,7 @@ def test_a_real_robot_is_not_armed_with_the_virtual_prototypes_calibration(proce
     assert "the calibration is the virtual prototype's: measure the robot's own" in answer.message
 
 
-def test_a_silent_board_and_a_nameless_robot_are_told_and_not_armed(processes, operator, real_port):
+def test_a_silent_board_and_a_nameless_robot_are_told_and_not_armed(real_port, processes, operator):
     text = (files("hardware_bridge") / "data" / "calibration_default.yaml").read_text(encoding="utf-8")
     own = processes.folder / "own.yaml"
     own.write_text(text.replace("stroke_mm: [-50, 50]", "stroke_mm: [-49, 49]"), encoding="utf-8")
@@ -104,7 +104,7 @@ def test_a_silent_board_and_a_nameless_robot_are_told_and_not_armed(processes, o
     assert "if it cannot answer, start the bridge with silent_board:=true" in answer.message
 
 
-def test_a_real_port_has_no_time_scale(processes, real_port):
+def test_a_real_port_has_no_time_scale(real_port, processes):
     error = one_line_error(processes.node("hardware_bridge", port=real_port, time_scale=2.0))
     assert "valid is 1 only" in error
 
