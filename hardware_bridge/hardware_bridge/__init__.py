@@ -20,7 +20,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from hardware_bridge.boards.board import Board
     from hardware_bridge.boards.registry import parse_board
-    from hardware_bridge.calibration.pulse_map import Calibration, load_calibration
+    from hardware_bridge.calibration.calibration_file import load_calibration
+    from hardware_bridge.calibration.pulse_map import Calibration
     from hardware_bridge.driver.bridge import Bridge
     from hardware_bridge.errors import BridgeError, Refused
     from hardware_bridge.recording.bag_reader import Session, read_session, seconds_of
@@ -59,7 +60,7 @@ _MODULES = {
     "Rules": "safety.limit_checks",
     "Session": "recording.bag_reader",
     "Trajectory": "safety.trajectory",
-    "load_calibration": "calibration.pulse_map",
+    "load_calibration": "calibration.calibration_file",
     "parse_board": "boards.registry",
     "practice_prototype": "virtual_prototype.practice",
     "read_session": "recording.bag_reader",

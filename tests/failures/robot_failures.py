@@ -11,8 +11,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from hardware_bridge.boards.lsc import CMD_BATTERY, FrameDecoder, encode_battery_reply
-from hardware_bridge.calibration.calibration_file import text_of
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration, text_of
 from sim_core.names import STRUT_NAMES
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm

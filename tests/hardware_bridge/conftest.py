@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from hardware_bridge.calibration.pulse_map import Calibration, load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
+from hardware_bridge.calibration.pulse_map import Calibration
 from hardware_bridge.driver.bridge import Bridge
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.limits import Pacing

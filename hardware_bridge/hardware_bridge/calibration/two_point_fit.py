@@ -4,7 +4,8 @@
 import math
 from dataclasses import dataclass
 
-from hardware_bridge.calibration.pulse_map import StrutCalibration, parse_strut
+from hardware_bridge.calibration.calibration_file import parse_strut
+from hardware_bridge.calibration.pulse_map import StrutCalibration
 from hardware_bridge.errors import CalibrationError
 
 NOMINAL_PULSE_US = 1500

@@ -12,7 +12,7 @@ from types import FrameType
 
 from hardware_bridge.boards.maestro import TIMEOUT_S, WIDEST_US
 from hardware_bridge.boards.registry import VALID, parse_board
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.driver.events import FACES
 from hardware_bridge.errors import BridgeError, ParameterError
 from hardware_bridge.prototype_client.handshake import default_link

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from hardware_bridge.prototype_client import private_files
 from hardware_bridge.prototype_client.fault_client import TO_BOARD, check_fault
 from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoard
-from hardware_bridge.virtual_prototype.noisy_line import Direction
+from hardware_bridge.virtual_prototype.line_faults import Direction
 from hardware_bridge.virtual_prototype.pty_port import PseudoPort
 
 _MAX_CLIENTS = 4

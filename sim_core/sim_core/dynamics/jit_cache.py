@@ -48,7 +48,7 @@ PACKAGE = Path(__file__).parent.parent
 KERNEL_SOURCES = (
     "dynamics/jit_cache.py",
     "dynamics/simd.py",
-    "dynamics/support.py",
+    "dynamics/footing.py",
     "dynamics/vfife.py",
     "rolling/batch.py",
     "rolling/quasi_static.py",

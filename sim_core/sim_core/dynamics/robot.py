@@ -8,8 +8,8 @@ import hashlib
 import numpy as np
 
 from sim_core.dynamics import vfife as k
+from sim_core.dynamics.footing import Footing, center_of_mass, clearance_m, judge_footing
 from sim_core.dynamics.model import Model
-from sim_core.dynamics.support import Footing, center_of_mass, clearance_m, judge_footing
 from sim_core.errors import DivergedError
 from sim_core.structure.arrays import Array
 from sim_core.structure.rotations import (

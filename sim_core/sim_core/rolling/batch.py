@@ -15,11 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_core.dynamics import vfife as k
+from sim_core.dynamics.footing import center_of_mass
 from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
 from sim_core.dynamics.simd import ALIGNMENT, WIDTH
-from sim_core.dynamics.support import center_of_mass
 from sim_core.errors import ModelError
 from sim_core.rolling import quasi_static as q
 from sim_core.rolling import roll_monitor as w

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim_core.dynamics.footing import FACE_NAMES, Footing, footing_of
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import Robot
-from sim_core.dynamics.support import FACE_NAMES, Footing, footing_of
 from sim_core.rolling import quasi_static as q
 from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.roll_monitor import SAMPLE_S

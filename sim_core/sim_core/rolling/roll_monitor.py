@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_core.dynamics import vfife as k
+from sim_core.dynamics.footing import FACE_JOINTS, FACE_OF_JOINTS, STRUT_ENDS, base, center_of_mass, clearance, past_edges
 from sim_core.dynamics.jit_cache import njit
-from sim_core.dynamics.support import FACE_JOINTS, FACE_OF_JOINTS, STRUT_ENDS, base, center_of_mass, clearance, past_edges
 from sim_core.structure.arrays import Array
 
 SAMPLE_S = 0.01

@@ -10,7 +10,7 @@ import math
 
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import Policy
-from sim_core.studies.tasks import Trials
+from sim_core.studies.local_runner import Trials
 
 FEASIBLE = 2.0
 PAST_EDGE_SCALE_M = 0.02

@@ -30,7 +30,7 @@ from sim_core.structure.elements import IMPROVED, KINDS
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import Policy, checked_policy
 from sim_core.structure.symmetry import CLASSES, RollClass, carrier
-from sim_core.studies.tasks import Chunk, Runner, Trials, WhichRobot, joined, run_here
+from sim_core.studies.local_runner import Chunk, Runner, Trials, WhichRobot, joined, run_here
 
 CHUNK_JOBS = 256
 """About how many rolls make a chunk: independent of the workers."""

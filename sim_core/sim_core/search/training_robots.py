@@ -7,7 +7,7 @@ from sim_core.rolling.batch import Job
 from sim_core.structure.policy import Policy, checked_policy
 from sim_core.structure.symmetry import RollClass, carrier, rolls_of
 from sim_core.structure.topology import PAIRS
-from sim_core.studies.tasks import Draw, WhichRobot
+from sim_core.studies.local_runner import Draw, WhichRobot
 from sim_core.uncertainty.distribution import Law
 from sim_core.uncertainty.ensemble import Posterior
 

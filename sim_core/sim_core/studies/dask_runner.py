@@ -14,7 +14,7 @@ from typing import Any
 
 from sim_core.dynamics.jit_cache import PACKAGE, hash_of_sources
 from sim_core.errors import ClusterError, SimError
-from sim_core.studies.tasks import Chunk, Reporter, Runner, Trials, jobs_in, run_chunk, run_here, silent
+from sim_core.studies.local_runner import Chunk, Reporter, Runner, Trials, jobs_in, run_chunk, run_here, silent
 
 ANSWER_S = 10.0
 WORKERS_S = 60.0

@@ -19,7 +19,7 @@ from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
 from sim_core.structure.arrays import Array
 from sim_core.structure.policy import Policy
-from sim_core.studies.tasks import Reporter, part_of, silent
+from sim_core.studies.local_runner import Reporter, part_of, silent
 from sim_core.uncertainty import importance_weights as bayes
 from sim_core.uncertainty.robot_prior import DIMENSIONS, Member, Prior, headings, member_model
 

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 
 from sim_core.errors import LibraryError, ParameterError
 from sim_core.gaits.library import Library, Primitive, gait_of
-from sim_core.gaits.success_probability import SuccessCounts
+from sim_core.gaits.success_counts import SuccessCounts
 from sim_core.rolling.batch import Job
 from sim_core.structure.elements import IMPROVED
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import checked_policy
 from sim_core.structure.symmetry import rolls_of
 from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of, rates_along
-from sim_core.studies.tasks import Chunk, Cost, Draw, Reporter, Runner, Trials, joined, run_here, silent
+from sim_core.studies.local_runner import Chunk, Cost, Draw, Reporter, Runner, Trials, joined, run_here, silent
 from sim_core.uncertainty.distribution import Law
 
 HELD_OUT_SEED = 90_001

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from sim_core.dynamics import vfife as k
+from sim_core.dynamics.footing import center_of_mass
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
-from sim_core.dynamics.support import center_of_mass
 from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.roll import RollResult, face_number, result_of, rules_of
 from sim_core.rolling.roll_monitor import SAMPLE_S

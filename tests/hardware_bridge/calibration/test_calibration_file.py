@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from hardware_bridge.calibration.calibration_file import Unfinished, write_calibration
-from hardware_bridge.calibration.pulse_map import Calibration, load_calibration
+from hardware_bridge.calibration.calibration_file import Unfinished, load_calibration, write_calibration
+from hardware_bridge.calibration.pulse_map import Calibration
 from hardware_bridge.errors import CalibrationError
 from sim_core.names import STRUT_NAMES
 

@@ -9,7 +9,8 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware_bridge.calibration.pulse_map import Calibration, load_calibration, parse_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration, parse_calibration
+from hardware_bridge.calibration.pulse_map import Calibration
 from hardware_bridge.errors import CalibrationError
 
 DEFAULT = load_calibration()

@@ -6,7 +6,8 @@ from dataclasses import replace
 import pytest
 
 from hardware_bridge.boards.registry import parse_board
-from hardware_bridge.calibration.pulse_map import Calibration, load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
+from hardware_bridge.calibration.pulse_map import Calibration
 from hardware_bridge.errors import BoardMismatch, CalibrationError, ParameterError
 from hardware_bridge.safety.compatibility import require_fit
 from hardware_bridge.safety.limit_checks import Rules

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.errors import DutyError
 from hardware_bridge.safety.duty_cycle import Duty, check_duty, returns
 from hardware_bridge.safety.limit_checks import Rules

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.errors import ShapeError
 from hardware_bridge.safety.homing import homing_path
 from hardware_bridge.safety.limit_checks import Rules, check_homing, check_trajectory

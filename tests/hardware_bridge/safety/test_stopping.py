@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.errors import StateFileError, TrajectoryError
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.limits import Limits, Pacing

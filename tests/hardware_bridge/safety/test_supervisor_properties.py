@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from hardware_bridge.boards.lsc import Lsc
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.errors import Refused, TrajectoryError
 from hardware_bridge.safety.duty_cycle import returns
 from hardware_bridge.safety.limit_checks import Rules

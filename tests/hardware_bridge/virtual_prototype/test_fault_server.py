@@ -13,7 +13,7 @@ from hardware_bridge.errors import LinkLost, PrototypeError
 from hardware_bridge.link.transport import SerialTransport
 from hardware_bridge.prototype_client.fault_client import FROM_BOARD, TO_BOARD, check_fault, inject
 from hardware_bridge.safety.trajectory import Trajectory
-from hardware_bridge.virtual_prototype.noisy_line import Direction
+from hardware_bridge.virtual_prototype.line_faults import Direction
 from tests.hardware_bridge.driver.test_bridge import armed
 from tests.hardware_bridge.helpers import MID_M, read_exactly, wait_for
 

@@ -12,7 +12,7 @@ import pytest
 
 from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.boards.registry import parse_board
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.driver.bridge import Bridge
 from hardware_bridge.errors import PositionUnknown, PrototypeError, TimeScaleError
 from hardware_bridge.prototype_client.handshake import observer_path, read_handshake

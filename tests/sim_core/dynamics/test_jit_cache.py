@@ -127,7 +127,7 @@ def test_the_hash_of_all_sources_counts_the_data(copy):
     """Workers of a cluster must have the same."""
     code = "from sim_core.studies.dask_runner import sources_hash; print(sources_hash())"
     hashes = [told(copy, code)]
-    for path in (next(copy.rglob("*.yaml")), copy / "studies" / "tasks.py"):
+    for path in (next(copy.rglob("*.yaml")), copy / "studies" / "local_runner.py"):
         change(path)
         hashes.append(told(copy, code))
     assert len(set(hashes)) == 3

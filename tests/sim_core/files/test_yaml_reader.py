@@ -14,7 +14,7 @@ from sim_core.files.bounded_reader import MOST_BYTES
 from sim_core.files.yaml_reader import parse_yaml, read_yaml
 from sim_core.gaits.climb_limits import load_climbs
 from sim_core.gaits.library import LIBRARIES, library_text, load_library, parse_library
-from sim_core.gaits.success_probability import load_success_counts
+from sim_core.gaits.success_counts import load_success_counts
 from sim_core.structure.parameters import load_prototype
 from sim_core.studies.model_agreement import load_gaits
 from sim_core.studies.sensitivity import stored_influences

@@ -9,7 +9,7 @@ from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.errors import LibraryError
 from sim_core.gaits.library import Library, load_library
-from sim_core.gaits.success_probability import load_success_counts
+from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.planning.floor_planner import ROLL_COST, Floor, Stance
 from sim_core.structure.parameters import load_prototype

@@ -13,7 +13,7 @@ from sim_core.search.archive import distance_mm
 from sim_core.search.genetic_search import Search, SearchPlan, Training, search
 from sim_core.search.library_recipes import PLANS
 from sim_core.structure.symmetry import TC_TO, TO_TC
-from sim_core.studies.tasks import run_chunk
+from sim_core.studies.local_runner import run_chunk
 from sim_core.uncertainty.distribution import Law
 
 QUICK = SearchPlan(classes=(TO_TC.name,), keep=4, offspring=48, generations=3, polish=1)

@@ -13,8 +13,8 @@ from sim_core.errors import ClusterError
 from sim_core.gaits.library import load_library
 from sim_core.structure.parameters import load_prototype
 from sim_core.studies import dask_runner
+from sim_core.studies.local_runner import run_here
 from sim_core.studies.robustness import StudyPlan, chunks_of
-from sim_core.studies.tasks import run_here
 from sim_core.uncertainty.distribution import Law
 
 SMALL = 8
@@ -50,7 +50,7 @@ def bits(trials):
 
 def test_without_a_scheduler_work_is_done_here_and_dask_is_not_imported():
     code = (
-        "import sys; from sim_core.studies.dask_runner import runner_of; from sim_core.studies.tasks import run_here\n"
+        "import sys; from sim_core.studies.dask_runner import runner_of; from sim_core.studies.local_runner import run_here\n"
         "with runner_of(None) as run: assert run is run_here\n"
         "assert not {'dask', 'distributed'} & set(sys.modules)"
     )

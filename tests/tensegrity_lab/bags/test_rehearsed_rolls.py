@@ -10,7 +10,7 @@ import pytest
 from hardware_bridge.recording.bag_reader import BagError, read_session, seconds_of
 from tensegrity_lab.bags import rehearsed_rolls
 from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in
-from tensegrity_lab.session_data.record import Event, Line, Outcome, utc_text
+from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_text
 from tests.sixstrut_cli.test_commands import sixstrut
 
 BAG = Path(__file__).parents[3] / "bags" / "example.mcap"

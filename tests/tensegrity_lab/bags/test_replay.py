@@ -12,7 +12,7 @@ from hardware_bridge.recording.bag_reader import BagError, Session, read_session
 from sim_core.dynamics.model import build_model
 from sim_core.errors import SimError
 from tensegrity_lab.bags.replay import ReplayError, events_of, model_of, replay, require_same_model
-from tensegrity_lab.bags.rolls import attempts_of
+from tensegrity_lab.bags.roll_attempts import attempts_of
 from tensegrity_lab.bags.trial_replay import library_of
 
 BAG = Path(__file__).parents[3] / "bags" / "example.mcap"

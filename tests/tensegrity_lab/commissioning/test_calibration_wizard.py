@@ -6,8 +6,7 @@ import sys
 
 import pytest
 
-from hardware_bridge.calibration.calibration_file import Unfinished
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import Unfinished, load_calibration
 from hardware_bridge.safety.limits import Limits
 from hardware_bridge.saved_state.duty_record import DutyRecord
 from hardware_bridge.saved_state.last_pulses import LastPulses

@@ -11,8 +11,7 @@ import pytest
 
 from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.boards.registry import parse_board
-from hardware_bridge.calibration.calibration_file import Unfinished, write_calibration
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import Unfinished, load_calibration, write_calibration
 from hardware_bridge.virtual_prototype.boards.registry import emulate
 from sim_core.names import STRUT_NAMES
 from tensegrity_lab.commissioning.checks import Health, check_calibration, check_folder, check_network

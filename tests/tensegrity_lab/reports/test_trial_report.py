@@ -13,7 +13,7 @@ from tensegrity_lab.errors import SessionError
 from tensegrity_lab.reports.trial_analysis import Group
 from tensegrity_lab.reports.trial_report import TrialReport
 from tensegrity_lab.session_data.ledger import Ledger
-from tensegrity_lab.session_data.record import Event, Outcome
+from tensegrity_lab.session_data.ledger_line import Event, Outcome
 from tests.sixstrut_cli.test_commands import sixstrut
 from tests.tensegrity_lab.trials.sessions import add, begun, planned, try_all
 

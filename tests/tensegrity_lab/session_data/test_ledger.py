@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.csv_tables import write_table
 from tensegrity_lab.session_data.ledger import LEDGER, Ledger, standing_of
-from tensegrity_lab.session_data.record import COLUMNS, Event, Outcome, line_of, text_of, utc_ns, utc_text
+from tensegrity_lab.session_data.ledger_line import COLUMNS, Event, Outcome, line_of, text_of, utc_ns, utc_text
 from tests.tensegrity_lab.trials.sessions import add, planned
 from tests.tensegrity_lab.trials.sessions import line_of as line_for
 

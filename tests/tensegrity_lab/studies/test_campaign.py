@@ -8,7 +8,7 @@ import pytest
 from sim_core.rolling.batch import roll_many
 from tensegrity_lab.reports.trial_analysis import read_told
 from tensegrity_lab.session_data.ledger import Ledger
-from tensegrity_lab.session_data.record import Outcome
+from tensegrity_lab.session_data.ledger_line import Outcome
 from tensegrity_lab.studies.campaign_stack_sample import chosen
 from tensegrity_lab.studies.fit_trials import read_tries
 from tests.sixstrut_cli.test_commands import sixstrut

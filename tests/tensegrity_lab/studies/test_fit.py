@@ -9,14 +9,14 @@ import pytest
 
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import library_text
-from sim_core.gaits.success_probability import load_success_counts
+from sim_core.gaits.success_counts import load_success_counts
 from sim_core.structure.parameters import load_prototype
-from sim_core.studies.gait_probability import shipped_prior
+from sim_core.studies.gait_learning import shipped_prior
 from sim_core.uncertainty.ensemble import load_posterior
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.folder import LIBRARY, begin_session
 from tensegrity_lab.session_data.ledger import Ledger
-from tensegrity_lab.session_data.record import Outcome
+from tensegrity_lab.session_data.ledger_line import Outcome
 from tensegrity_lab.studies import fit_trials
 from tensegrity_lab.studies.fit_trials import read_tries
 from tests.sixstrut_cli.test_commands import sixstrut

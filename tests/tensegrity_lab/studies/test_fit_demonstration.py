@@ -10,7 +10,7 @@ from sim_core.gaits.library import load_library
 from sim_core.structure.parameters import load_prototype
 from sim_core.studies.binomial_intervals import rate_of
 from sim_core.studies.ensemble_fit import wins_of
-from sim_core.studies.gait_probability import gaits_of, roll_of
+from sim_core.studies.gait_learning import gaits_of, roll_of
 from tensegrity_lab.studies.fit_demonstration import Setting, demonstrate, hidden_robot
 from tensegrity_lab.studies.fit_page import page_of
 

@@ -6,12 +6,12 @@ from functools import cache
 from pathlib import Path
 
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import load_success_counts
+from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from tensegrity_lab.session_data.folder import SessionFolder, Settings, begin_session
 from tensegrity_lab.session_data.ledger import Ledger
+from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome
 from tensegrity_lab.session_data.plan import Slot, chosen_gaits, chosen_primitives, make_plan
-from tensegrity_lab.session_data.record import Event, Line, Outcome
 
 WHEN = "2026-01-02T03:04:05.678901Z"
 

@@ -8,7 +8,7 @@ import pytest
 
 from tensegrity_lab.errors import SessionError, StackError
 from tensegrity_lab.session_data.ledger import Ledger
-from tensegrity_lab.session_data.record import Event, Outcome
+from tensegrity_lab.session_data.ledger_line import Event, Outcome
 from tensegrity_lab.trials.judge import Observer
 from tensegrity_lab.trials.panel import Panel, Shown, big, picture
 from tensegrity_lab.trials.robot_access import Rolled

@@ -21,7 +21,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
 from tensegrity_lab.session_data.ledger import LEDGER, Ledger
-from tensegrity_lab.session_data.record import Event, Outcome, text_of
+from tensegrity_lab.session_data.ledger_line import Event, Outcome, text_of
 from tests.sixstrut_cli.test_commands import sixstrut
 from tests.tensegrity_lab.terminal import CTRL_C, ENTER, Terminal
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors of the command line: one line, what to do next."""
+"""Errors that a person reads: one line, and what to do next."""
 
 from typing import Any
 

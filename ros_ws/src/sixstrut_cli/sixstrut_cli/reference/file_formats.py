@@ -31,7 +31,7 @@ KINDS = (
     Kind("library", "sim_core.gaits.library", "YAML",
          "primitives, with margins, the model's hash, and how they were found", "`search`",
          "`--library`, planner, traveller", "sim_core/sim_core/data/libraries/robust.yaml"),
-    Kind("gait odds", "sim_core.gaits.success_probability", "YAML",
+    Kind("gait odds", "sim_core.gaits.success_counts", "YAML",
          "successes and trials of every gait of one library", "`robustness --odds`, `fit --odds`",
          "`route --odds`, the nodes' `odds_file`", "sim_core/sim_core/data/odds/robust.yaml"),
     Kind("climb limits", "sim_core.gaits.climb_limits", "YAML",
@@ -69,7 +69,7 @@ the session; the metadata hold their hashes and versions."""
 def page(_: Path) -> str:
     """The page, as Markdown."""
     from hardware_bridge.calibration.pulse_map import StrutCalibration
-    from tensegrity_lab.session_data.record import COLUMNS
+    from tensegrity_lab.session_data.ledger_line import COLUMNS
 
     rows = [
         (

@@ -9,9 +9,9 @@ from hardware_bridge.recording.bag_reader import BagError, Session, read_session
 from hardware_bridge.recording.bag_types import TOPICS
 from hardware_bridge.recording.session_bag import bag_folder
 from tensegrity_lab.bags.replay import model_of
-from tensegrity_lab.bags.rolls import Attempt, attempts_of
+from tensegrity_lab.bags.roll_attempts import Attempt, attempts_of
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
-from tensegrity_lab.session_data.record import Event, Line, Outcome, utc_ns
+from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_ns
 
 
 class Foretold(NamedTuple):

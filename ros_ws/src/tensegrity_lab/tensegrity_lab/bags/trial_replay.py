@@ -19,7 +19,7 @@ from sim_core.twin.follower import Follower
 from tensegrity_lab.bags.replay import observed_path, possible, prototype_of, sent_of
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
-from tensegrity_lab.session_data.record import Event, Line, Outcome, utc_ns
+from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_ns
 
 PARTED_M = 0.02
 """Twin and record have parted when their joints are farther apart than this on average; a tip moves joints by ten times as much."""

@@ -8,8 +8,8 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from hardware_bridge.calibration.calibration_file import Unfinished, write_calibration
-from hardware_bridge.calibration.pulse_map import LONGEST_NAME, Calibration, StrutCalibration, load_calibration, robot_name
+from hardware_bridge.calibration.calibration_file import LONGEST_NAME, Unfinished, load_calibration, robot_name, write_calibration
+from hardware_bridge.calibration.pulse_map import Calibration, StrutCalibration
 from hardware_bridge.calibration.two_point_fit import NOMINAL_PULSE_US, Measured, check_straight, fit, pulse_at_mm
 from hardware_bridge.driver.jogger import Jogger
 from hardware_bridge.errors import CalibrationError, DutyError

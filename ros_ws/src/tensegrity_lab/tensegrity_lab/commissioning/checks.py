@@ -12,8 +12,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hardware_bridge.boards.board import Board
-from hardware_bridge.calibration.calibration_file import Unfinished
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import Unfinished, load_calibration
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.prototype_client import handshake as virtual_port
 from hardware_bridge.prototype_client.handshake import default_link

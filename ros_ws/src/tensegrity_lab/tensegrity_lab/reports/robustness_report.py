@@ -9,8 +9,8 @@ from typing import Any
 from sim_core.gaits.library import Library, gait_of
 from sim_core.studies.attribution import Attribution
 from sim_core.studies.binomial_intervals import EXCHANGEABLE, ONE_GAIT, Rate
+from sim_core.studies.local_runner import Cost
 from sim_core.studies.robustness import Study
-from sim_core.studies.tasks import Cost
 from sim_core.uncertainty.distribution import GROUPS, OURS
 from tensegrity_lab.session_data.csv_tables import write_table
 

@@ -15,8 +15,8 @@ import numpy as np
 from sim_core.errors import SimError
 from sim_core.structure.parameters import Prototype
 from sim_core.studies.binomial_intervals import rate_of
+from sim_core.studies.local_runner import Chunk, Cost, Trials
 from sim_core.studies.robustness import GAITS, Study, chunk_jobs, chunks_of
-from sim_core.studies.tasks import Chunk, Cost, Trials
 from tensegrity_lab.reports.markdown import table
 
 TASKS, REPEATS = 40, 5

@@ -11,7 +11,7 @@ import numpy as np
 from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of
 from sim_core.studies.model_agreement import Agreement, compare
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.reports.hypothesis_tests import (
+from tensegrity_lab.reports.success_statistics import (
     Calibration,
     Interval,
     ManyKinds,
@@ -25,7 +25,7 @@ from tensegrity_lab.reports.hypothesis_tests import (
 )
 from tensegrity_lab.session_data.folder import SessionFolder, open_session
 from tensegrity_lab.session_data.ledger import LEDGER, read_lines, standing_of
-from tensegrity_lab.session_data.record import Event, Line, Outcome
+from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome
 
 PAPER = {
     "paper, improved model (real robot)": Counts(14, 31, 39, 40),

@@ -12,7 +12,7 @@ from sim_core.structure.symmetry import CARRIERS
 from sim_core.structure.topology import PAIRS
 from tensegrity_lab.bags.trial_replay import PARTED_M, Course
 from tensegrity_lab.reports.figure import BLUE, GREEN, ORANGE, RED, draw_intervals, draw_lengths, draw_rates, new_figure
-from tensegrity_lab.reports.hypothesis_tests import Calibration
+from tensegrity_lab.reports.success_statistics import Calibration
 from tensegrity_lab.reports.trial_analysis import Group
 
 

@@ -9,12 +9,12 @@ from typing import Any, NamedTuple
 
 from sim_core.structure.symmetry import carrier
 from tensegrity_lab.reports import html
-from tensegrity_lab.reports.hypothesis_tests import RESAMPLES, SEED, mann_whitney
 from tensegrity_lab.reports.robustness_report import rate_document, spread
+from tensegrity_lab.reports.success_statistics import RESAMPLES, SEED, mann_whitney
 from tensegrity_lab.reports.trial_analysis import PAPER, Group, Told
 from tensegrity_lab.reports.trial_plots import calibration_picture, figure_8, gaits_picture
 from tensegrity_lab.session_data.csv_tables import cells_of, write_table
-from tensegrity_lab.session_data.record import Line
+from tensegrity_lab.session_data.ledger_line import Line
 
 VIRTUAL = (
     "These are virtual trials. The virtual prototype shares the model's equations, so they test the libraries and this software; "

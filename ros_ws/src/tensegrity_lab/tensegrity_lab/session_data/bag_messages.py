@@ -7,7 +7,7 @@ from typing import Any
 
 from hardware_bridge.recording.bag_reader import BagError, read_session
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.session_data.record import Event, Line, Outcome, utc_ns, utc_text
+from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_ns, utc_text
 
 TOPIC = "bridge/trial"
 _SAME = [f.name for f in fields(Line) if f.name not in ("recorded", "began")]

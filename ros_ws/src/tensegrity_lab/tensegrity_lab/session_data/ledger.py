@@ -10,7 +10,7 @@ from sim_core.errors import FileError
 from sim_core.files.bounded_reader import read_bytes
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.csv_tables import csv_row
-from tensegrity_lab.session_data.record import COLUMNS, Event, Line, Outcome, line_of, text_of
+from tensegrity_lab.session_data.ledger_line import COLUMNS, Event, Line, Outcome, line_of, text_of
 from tensegrity_lab.terminal.leaving import uninterrupted
 
 LEDGER, NEW = "ledger.csv", ".new"

@@ -12,7 +12,7 @@ from typing import NamedTuple
 from sim_core.dynamics.model import Model
 from sim_core.errors import SimError
 from sim_core.gaits.library import Gait, Library, Primitive, gait_of
-from sim_core.gaits.success_probability import load_success_counts
+from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.structure.symmetry import class_of, rolls_of
 from sim_core.structure.topology import require_adjacent

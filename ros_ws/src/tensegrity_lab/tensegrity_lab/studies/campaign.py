@@ -10,7 +10,7 @@ from pathlib import Path
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import LIBRARIES, Library, load_library
 from sim_core.structure.parameters import load_prototype
-from sim_core.studies.tasks import Reporter
+from sim_core.studies.local_runner import Reporter
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.reports.trial_report import TrialReport, summary_of
 from tensegrity_lab.session_data.folder import SessionFolder

@@ -15,8 +15,8 @@ from tensegrity_lab.errors import SessionError
 from tensegrity_lab.reports.markdown import table
 from tensegrity_lab.reports.trial_analysis import read_told
 from tensegrity_lab.session_data.folder import SessionFolder, begin_session
+from tensegrity_lab.session_data.ledger_line import Line, Outcome
 from tensegrity_lab.session_data.plan import Slot
-from tensegrity_lab.session_data.record import Line, Outcome
 
 LEFT = 130
 LIMIT_S = 3600.0

@@ -8,10 +8,10 @@ from typing import Any
 from sim_core.dynamics.model import Model
 from sim_core.errors import ParameterError
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import success_counts_text
+from sim_core.gaits.success_counts import success_counts_text
 from sim_core.rolling.warm_up import Stage
 from sim_core.studies.ensemble_fit import LEAST, Fit, estimates, fit
-from sim_core.studies.gait_probability import fitted_prior, gaits_of, learned_counts, roll_of, shipped_prior
+from sim_core.studies.gait_learning import fitted_prior, gaits_of, learned_counts, roll_of, shipped_prior
 from sim_core.studies.rehearsal import DEFAULT_MEMBERS
 from sim_core.uncertainty.ensemble import Posterior, posterior_text
 from sim_core.uncertainty.robot_prior import LABELS, Prior

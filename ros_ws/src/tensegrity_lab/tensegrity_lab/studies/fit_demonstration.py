@@ -16,9 +16,9 @@ from sim_core.search.genetic_search import Search
 from sim_core.search.library_recipes import fitted_to
 from sim_core.studies.binomial_intervals import Rate, rate_of
 from sim_core.studies.ensemble_fit import Estimate, Fit, Seen, estimates, fit, prior_members, stood_on_target, wins_of
-from sim_core.studies.gait_probability import WEIGHT, fitted_prior, gaits_of, roll_of
+from sim_core.studies.gait_learning import WEIGHT, fitted_prior, gaits_of, roll_of
+from sim_core.studies.local_runner import Reporter
 from sim_core.studies.rehearsal import DEFAULT_MEMBERS, DEFAULT_SEED
-from sim_core.studies.tasks import Reporter
 from sim_core.uncertainty.distribution import Law, sample
 from sim_core.uncertainty.ensemble import Posterior
 from sim_core.uncertainty.importance_weights import LAPSE, beta_mean, log_score, predictive
@@ -35,7 +35,7 @@ PREDICTING = 64
 
 @dataclass(frozen=True)
 class FitOptions:
-    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_probability.learned_counts`."""
+    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_learning.learned_counts`."""
 
     members: int = 128
     rounds: int = 2

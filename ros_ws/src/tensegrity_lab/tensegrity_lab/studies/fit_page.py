@@ -4,7 +4,7 @@
 from collections.abc import Sequence
 
 from sim_core.studies.ensemble_fit import LEAST
-from sim_core.studies.gait_probability import WEIGHT
+from sim_core.studies.gait_learning import WEIGHT
 from sim_core.studies.rehearsal import DEFAULT_MEMBERS
 from tensegrity_lab.reports.markdown import table
 from tensegrity_lab.studies.fit_demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Demonstration, RobotCase

@@ -16,11 +16,11 @@ from sim_core.structure.policy import checked_policy
 from sim_core.structure.topology import NEIGHBOURS
 from sim_core.studies.ensemble_fit import Roll, Seen
 from tensegrity_lab.bags.replay import model_of
-from tensegrity_lab.bags.rolls import attempts_of
+from tensegrity_lab.bags.roll_attempts import attempts_of
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.reports.trial_analysis import read_told
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
-from tensegrity_lab.session_data.record import Event, Line, Outcome
+from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome
 
 UNNAMED = "a bag's robot"
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.structure.topology import NEIGHBOURS
 from tensegrity_lab.errors import SessionError, StackError
+from tensegrity_lab.session_data.ledger_line import Outcome
 from tensegrity_lab.session_data.plan import Slot, placing, way_to_due
-from tensegrity_lab.session_data.record import Outcome
 from tensegrity_lab.terminal.keys import ENTER, Keys
 from tensegrity_lab.trials.panel import LEAVE, UNDO, Panel
 from tensegrity_lab.trials.robot_access import RobotAccess, Rolled

@@ -19,7 +19,7 @@ from sim_core.structure.policy import neutral_lengths
 from tensegrity_lab.errors import SessionError, StackError, granted
 from tensegrity_lab.session_data.bag_messages import message_of
 from tensegrity_lab.session_data.folder import LIBRARY, LOGS, SessionFolder
-from tensegrity_lab.session_data.record import Line
+from tensegrity_lab.session_data.ledger_line import Line
 from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
 from tensegrity_lab.stack.virtual_stack import VirtualRobot

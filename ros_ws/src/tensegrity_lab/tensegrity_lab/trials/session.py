@@ -13,8 +13,8 @@ from tensegrity_lab.errors import SessionError, StackError
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
 from tensegrity_lab.session_data.folder import SessionFolder
 from tensegrity_lab.session_data.ledger import Ledger, Standing
+from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_ns, utc_text
 from tensegrity_lab.session_data.plan import DIGITS, Slot, due_of, next_due, placing
-from tensegrity_lab.session_data.record import Event, Line, Outcome, utc_ns, utc_text
 from tensegrity_lab.terminal.keys import Keys
 from tensegrity_lab.trials.judge import Hands, Verdict
 from tensegrity_lab.trials.panel import LEAVE, UNDO, Panel

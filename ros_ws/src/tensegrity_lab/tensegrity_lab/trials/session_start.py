@@ -14,12 +14,12 @@ from typing import Any
 from rich.console import Console
 
 from hardware_bridge.boards.registry import parse_board
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.prototype_client.handshake import read_handshake
 from sim_core.dynamics.actuators import require_actuators
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import Library, load_library
-from sim_core.gaits.success_probability import load_success_counts
+from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.parameters import load_prototype

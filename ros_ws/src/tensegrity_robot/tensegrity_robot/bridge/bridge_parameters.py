@@ -6,7 +6,7 @@ from importlib.resources import files
 from pathlib import Path
 
 from hardware_bridge.boards.registry import SERVO_BOARD
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.limits import Limits, Pacing
 from hardware_bridge.safety.shape_cache import ShapeCheck

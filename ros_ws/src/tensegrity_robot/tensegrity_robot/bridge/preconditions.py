@@ -3,7 +3,7 @@
 
 import time
 
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.driver.remote_bridge import RemoteBridge
 from hardware_bridge.errors import Refused
 from hardware_bridge.recording.bag_monitor import LogWatch

@@ -32,7 +32,7 @@ from sim_core.gaits.roll_sequence import (
     known_face,
 )
 from sim_core.gaits.strut_motion import Knot, constant_speed_knots
-from sim_core.gaits.success_probability import load_success_counts
+from sim_core.gaits.success_counts import load_success_counts
 from sim_core.names import STRUT_NAMES
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage, is_warm

@@ -24,9 +24,9 @@ from std_msgs.msg import Header
 
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import load_success_counts
+from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.floor_planner import REACH_M, Floor, Stance
-from sim_core.planning.travel import Journey, JourneyEnd, Step, TravelRules
+from sim_core.planning.journey import Journey, JourneyEnd, Step, TravelRules
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.live_bridge import FRESH_S, LiveBridge, age_s, is_fresh

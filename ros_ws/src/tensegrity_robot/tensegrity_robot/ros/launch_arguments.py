@@ -8,12 +8,12 @@ from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
 
 from hardware_bridge.boards.registry import SERVO_BOARD, parse_board
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.recording.session_bag import bag_folder
 from sim_core.errors import SimError
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import load_success_counts
+from sim_core.gaits.success_counts import load_success_counts
 from sim_core.structure.topology import require_face
 from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, MAX_SCALE
 from tensegrity_robot.ros.errors import StartError

@@ -14,7 +14,7 @@ from sixstrut_cli import options
 from sixstrut_cli.outputs import announce, say
 
 if TYPE_CHECKING:
-    from tensegrity_lab.bags.rolls import Attempt
+    from tensegrity_lab.bags.roll_attempts import Attempt
 
 
 def command(
@@ -96,7 +96,7 @@ def command(
 def _tries_in_bags(bags: Sequence[Path], mid_stroke_m: float) -> list[Attempt]:
     from hardware_bridge.recording.bag_reader import read_session
     from hardware_bridge.recording.bag_types import TOPICS
-    from tensegrity_lab.bags.rolls import attempts_of
+    from tensegrity_lab.bags.roll_attempts import attempts_of
 
     return [outcome for path in bags for outcome in attempts_of(read_session(path, topics=TOPICS), mid_stroke_m)]
 

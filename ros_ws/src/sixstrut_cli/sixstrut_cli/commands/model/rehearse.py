@@ -32,7 +32,7 @@ def command(
     announce(f"rolling {members} robots, some seconds")
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import gait_of, load_library
-    from sim_core.gaits.success_probability import load_success_counts
+    from sim_core.gaits.success_counts import load_success_counts
     from sim_core.planning.face_graph import FaceGraph
     from sim_core.rolling.warm_up import Stage
     from sim_core.structure.parameters import load_prototype

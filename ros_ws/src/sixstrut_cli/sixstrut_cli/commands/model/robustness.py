@@ -60,12 +60,12 @@ def command(
     announce(f"rolling the gaits of {library} on perturbed prototypes; how long it takes is measured first")
     from sim_core.dynamics.model import build_model
     from sim_core.gaits.library import load_library
-    from sim_core.gaits.success_probability import success_counts_text
+    from sim_core.gaits.success_counts import success_counts_text
     from sim_core.structure.parameters import load_prototype
     from sim_core.studies.attribution import attribute
     from sim_core.studies.dask_runner import runner_of
+    from sim_core.studies.local_runner import compile_kernels
     from sim_core.studies.robustness import HELD_OUT_SEED, StudyPlan, require_held_out, study, success_counts_of
-    from sim_core.studies.tasks import compile_kernels
     from sim_core.uncertainty.distribution import Law, groups_of
     from tensegrity_lab.reports.robustness_plot import robustness_picture
     from tensegrity_lab.reports.robustness_report import document_of, head_of, text_of, write_tables

@@ -14,7 +14,7 @@ from sixstrut_cli import options
 from sixstrut_cli.outputs import announce, say
 
 if TYPE_CHECKING:
-    from sim_core.gaits.success_probability import SuccessCounts
+    from sim_core.gaits.success_counts import SuccessCounts
 
 
 def command(
@@ -38,7 +38,7 @@ def command(
     """
     announce(f"from {source} to {' '.join(target)}, a second or two")
     from sim_core.gaits.library import load_library
-    from sim_core.gaits.success_probability import load_success_counts
+    from sim_core.gaits.success_counts import load_success_counts
     from sim_core.planning.face_graph import FaceGraph
     from sim_core.studies.binomial_intervals import counted
 

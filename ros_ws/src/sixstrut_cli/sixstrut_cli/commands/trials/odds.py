@@ -34,7 +34,7 @@ def command(
     announce("reading bags: some seconds for each that is large")
     from sim_core.studies.binomial_intervals import counted
     from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in, newest
-    from tensegrity_lab.reports.hypothesis_tests import calibration
+    from tensegrity_lab.reports.success_statistics import calibration
     from tensegrity_lab.reports.trial_plots import calibration_picture
 
     files = bags_of(options.given_or(newest, bags))

@@ -2,8 +2,8 @@
 import numpy as np
 import pytest
 
+from sim_core.dynamics.footing import clearance_m, judge_footing
 from sim_core.dynamics.robot import Robot
-from sim_core.dynamics.support import clearance_m, judge_footing
 from sim_core.structure.topology import FACES, NODES
 
 DOWN = np.array([0.0, 0.0, -1.0])

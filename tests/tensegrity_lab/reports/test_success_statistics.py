@@ -9,7 +9,7 @@ import pytest
 from scipy import stats
 
 from sim_core.studies.binomial_intervals import counts_of, rate_of
-from tensegrity_lab.reports.hypothesis_tests import (
+from tensegrity_lab.reports.success_statistics import (
     bootstrap_by_prototype,
     calibration,
     lilliefors,

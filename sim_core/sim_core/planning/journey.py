@@ -7,7 +7,7 @@ from typing import NamedTuple
 from sim_core.errors import SimError
 from sim_core.gaits.climb_limits import load_climbs, usual_deg
 from sim_core.gaits.library import Gait, Library
-from sim_core.gaits.success_probability import SuccessCounts
+from sim_core.gaits.success_counts import SuccessCounts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.planning.floor_planner import Floor, Stance, Way
 from sim_core.planning.travel_learning import Experience

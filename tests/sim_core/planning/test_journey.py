@@ -9,10 +9,10 @@ import pytest
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.climb_limits import load_climbs
 from sim_core.gaits.library import load_library
-from sim_core.gaits.success_probability import load_success_counts
+from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.planning.floor_planner import Floor, Stance
-from sim_core.planning.travel import MOST_MISSES, Journey, JourneyEnd, Step, TravelRules
+from sim_core.planning.journey import MOST_MISSES, Journey, JourneyEnd, Step, TravelRules
 from sim_core.structure.parameters import load_prototype
 
 START = Stance("TC6", 0.0, 0.0, 0.0)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hardware_bridge.calibration.pulse_map import load_calibration
+from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.errors import DutyError, LimitError, Refused, ShapeError, SupplyError, TrajectoryError
 from hardware_bridge.safety.duty_cycle import Duty, check_duty, returns, run_time_s
 from hardware_bridge.safety.limit_checks import Rules, check_shapes, check_trajectory
