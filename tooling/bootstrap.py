@@ -2,7 +2,7 @@
 """Behind ./sixstrut: sets the checkout up if that is not done yet, then becomes the command that was asked for.
 
     ./sixstrut COMMAND …   set up if needed, then run the command
-    ./sixstrut setup       only set up
+    ./sixstrut setup       only set up; with names of groups of packages, these too
     ./sixstrut env         set up if needed, then print the environment for a shell: eval "$(./sixstrut env)"
     ./sixstrut clean       remove what set-up made
 
@@ -59,12 +59,14 @@ def _dispatch(layout: Layout, arguments: Sequence[str]) -> int:
         meant = f"did you mean {near[0]}? All: ./sixstrut --help" if near else f"there are: {', '.join(registry.names())}"
         print(f"sixstrut: no command {name!r}; {meant}", file=sys.stderr)
         return EXIT_USAGE
-    if name in registry.SETUP_COMMANDS and len(arguments) > 1:
-        print(f"sixstrut: {name} takes no options", file=sys.stderr)
+    more = [word for word in arguments if word != name] if name in registry.SETUP_COMMANDS else []
+    if not set(more) <= set(packages.GROUPS if name == "setup" else ()):
+        takes = f"nothing but groups of packages: {', '.join(packages.GROUPS)}" if name == "setup" else "no options"
+        print(f"sixstrut: {name} takes {takes}", file=sys.stderr)
         return EXIT_USAGE
     if name == "clean":
         return _clean(layout)
-    set_up(layout, registry.packages_of(name, arguments))
+    set_up(layout, (*registry.packages_of(name, arguments), *more))
     if name == "env":
         print(environment.exports(environment.overlay(os.environ, layout, workspace.paths(layout))))
         return 0

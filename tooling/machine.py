@@ -53,7 +53,7 @@ def disk_problems(root: Path) -> list[str]:
     free = shutil.disk_usage(root).free
     if free >= DISK_NEEDED_BYTES:
         return []
-    return [f"{free / 1e9:.1f} GB free under {root}, set-up needs {DISK_NEEDED_BYTES / 1e9:.0f} GB: make room"]
+    return [f"{free / 1e9:.1f} GB free under {root}, set-up needs {DISK_NEEDED_BYTES / 1e9:.1f} GB: make room"]
 
 
 def path_problems(root: Path) -> list[str]:

@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""`sixstrut faults` but for the failures themselves (tests/tensegrity_robot/stack/test_failures.py): rows, texts, the page."""
+"""`sixstrut faults` but for the failures themselves (tests/failures/test_failures.py): rows, texts, the page."""
 
 import pytest
 import typer
 
+from sixstrut_cli import app
 from sixstrut_cli.commands.develop.faults import ROWS, _numbers
+from tensegrity_lab.terminal import compile_notice
+from tests.failures import runner
 from tests.failures.documented import page_rows, shape_of
 from tests.failures.page import as_markdown, without_folders
 from tests.failures.runner import Outcome
@@ -48,6 +51,14 @@ def test_folders_are_left_out_and_devices_and_calls_are_not():
     assert without_folders("mended /tmp/x/bags/a.mcap: 5") == "mended a.mcap: 5"
     for text in ("port /dev/pts/1: is in use", "ros2 service call /arm tensegrity_interfaces/srv/Arm", "log /proc/sixstrut: no"):
         assert without_folders(text) == text
+
+
+@pytest.mark.parametrize(("problem", "code"), [("", 0), ("it moved", 4)])
+def test_a_failure_that_was_not_survived_is_exit_code_4(problem, code, monkeypatch, capsys):
+    monkeypatch.setattr(compile_notice, "compile_first", lambda *stages: None)
+    monkeypatch.setattr(runner, "run", lambda *given: [Outcome(SCENARIOS[2], Evidence(), problem, 1.0)])
+    assert app.run(["faults", "--only", "3", "--json"]) == code
+    assert f'"problem": "{problem}"' in capsys.readouterr().out
 
 
 def test_evidence_wants_every_part():

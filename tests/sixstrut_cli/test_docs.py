@@ -13,6 +13,7 @@ import typer
 
 from sixstrut_cli import app, registry
 from sixstrut_cli.reference import pages
+from sixstrut_cli.reference.commands import ENVIRONMENT, _parts
 
 ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")
@@ -67,6 +68,24 @@ def test_every_link_leads_somewhere():
             if not there.exists() or (anchor and there.suffix == ".md" and anchor not in anchors(there)):
                 lost.append(f"{page.relative_to(ROOT)}: {target}")
     assert not lost, "\n".join(lost)
+
+
+NOT_OF_USERS = {"SIXSTRUT_ROOT", "SIXSTRUT_TEST_ALL", "SIXSTRUT_TEST_MINUTES"}
+"""What our programs tell each other."""
+
+
+def test_every_variable_of_the_environment_is_in_the_reference():
+    folders = ("sim_core", "hardware_bridge", "ros_ws/src", "tooling")
+    listed = subprocess.run(["git", "ls-files", "sixstrut", *folders], cwd=ROOT, capture_output=True, text=True, check=True).stdout
+    files = [ROOT / name for name in listed.split() if name == "sixstrut" or name.endswith(".py")]
+    used = {word for file in files if file.is_file() for word in re.findall(r"SIXSTRUT_[A-Z_]+", file.read_text(encoding="utf-8"))}
+    said = {name for name, _ in ENVIRONMENT if name.startswith("SIXSTRUT_")}
+    assert used - NOT_OF_USERS == said
+
+
+def test_an_example_may_begin_with_variables():
+    text = "What it does.\n\nsixstrut demo\nROS_DOMAIN_ID=7 sixstrut console  # there"
+    assert _parts(text) == (["What it does."], ["./sixstrut demo", "ROS_DOMAIN_ID=7 ./sixstrut console  # there"])
 
 
 def printed_commands() -> list[str]:

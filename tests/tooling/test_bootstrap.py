@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tooling import packages, stamps, workspace
+from tooling import bootstrap, packages, stamps, workspace
 from tooling.layout import Layout, SetupError
 from tooling.process import Runner
 from tooling.progress import Progress
@@ -64,6 +64,25 @@ def test_a_command_that_does_not_exist_is_told_before_anything_is_installed(fres
     assert "no command 'rol'" in result.stderr
     assert "did you mean roll?" in result.stderr
     assert not installed(fresh)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"), [(("setup", "clusters"), "setup takes nothing but groups of packages: base, console, cluster"),
+                        (("env", "cluster"), "env takes no options"), (("clean", "--all"), "clean takes no options")]
+)  # fmt: skip
+def test_set_up_takes_names_of_groups_and_nothing_else(fresh: Path, words: tuple[str, ...], told: str):
+    result = launch(fresh, *words)
+    assert result.returncode == 2
+    assert told in result.stderr
+    assert not installed(fresh)
+
+
+def test_set_up_installs_the_groups_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    asked: list[tuple[str, ...]] = []
+    monkeypatch.setattr(bootstrap, "set_up", lambda layout, groups: asked.append(groups))
+    assert bootstrap.main(["setup", "cluster", "docs"]) == 0
+    assert bootstrap.main(["setup"]) == 0
+    assert asked == [("cluster", "docs"), ()]
 
 
 def test_a_machine_without_compilers_is_told_before_anything_is_installed(fresh: Path, tmp_path: Path):

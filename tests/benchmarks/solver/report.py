@@ -78,6 +78,8 @@ def as_json(report: Report) -> str:
 def as_markdown(report: Report, picture: str | None) -> str:
     """The report as a document."""
     m, plan = report.machine, report.plan
+    others = max(m.load) > plan.threads[-1]
+    slowed = f": the load was above {plan.threads[-1]}, so other programs were running, and slowed both engines" if others else ""
     parts = [
         "# Benchmark",
         "Written by `./sixstrut bench --page`; do not edit. The same robot, the same policies, one run, the engines in turn, the "
@@ -86,7 +88,7 @@ def as_markdown(report: Report, picture: str | None) -> str:
         "(`mujoco.rollout`), one robot by `mj_step`.",
         f"{m.processor}; {m.processors} processors; Python {m.python}, numba {m.numba}, MuJoCo {m.mujoco}; "
         f"model {report.model_hash}; load average before {m.load[0]:.1f}, "
-        f"at the end {m.load[1]:.1f}: above {plan.threads[-1]} other programs were running, and slowed both engines.",
+        f"at the end {m.load[1]:.1f}{slowed}.",
         *([f"![speed and accuracy]({picture})"] if picture else []),
         "## Speed",
         "Robots in the middle of rolls, each at another moment of another roll. *× real time*: robot-seconds a second. "

@@ -126,8 +126,8 @@ def _start_up(s: StartUp) -> str:
     )
     compiling = (
         "Compiling the solver with an empty cache, in one process. Compiled code is kept beside the sources, or below "
-        "`NUMBA_CACHE_DIR`, in a folder named by a hash of all sources of the solver; in it a function is found by its file's time "
-        "of change, its arguments' types, the versions of numba and Python, and the processor."
+        "`NUMBA_CACHE_DIR`, in a folder named by a hash of the sources that compiled functions use; in it a function is found by "
+        "its file's time of change, its arguments' types, the versions of numba and Python, and the processor."
     )
     return "\n\n".join((compiling, table(["", "s", "processor, s", "functions", "longest, own processor s"], rows), first))
 

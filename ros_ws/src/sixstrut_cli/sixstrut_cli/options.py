@@ -66,7 +66,7 @@ Domain = Annotated[
 ]
 
 # The robot's board.
-Board = Annotated[str, typer.Option("--board", help=f"{SERVO_BOARD.capitalize()}.")]
+Board = Annotated[str, typer.Option("--board", help=f"{SERVO_BOARD[0].upper()}{SERVO_BOARD[1:]}.")]
 Port = Annotated[str, typer.Option("--port", help="Device or socket://HOST:PORT; default: the virtual prototype's link.")]
 Baud = Annotated[int, typer.Option("--baud", min=0, max=1_000_000, help="Rate of the port; 0: the board's usual.")]
 Calibration = Annotated[Path | None, typer.Option("--calibration", help="The robot's calibration YAML.")]

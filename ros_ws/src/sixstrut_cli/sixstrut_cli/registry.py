@@ -51,7 +51,7 @@ _ALL = (
     Entry("faults", "Make failures happen to the stack and look what comes of each.", "develop.faults", DEVELOP),
     Entry("docs", "Write the reference from the code; build the documentation's site.", "develop.docs", DEVELOP, ("docs",)),
     Entry("test", "Run the checks and tests; with arguments, only pytest with these.", "develop.test", DEVELOP, _FOR_TESTS),
-    Entry("setup", "Only set up: .venv and the build of ros_ws; commands that need more packages add them.", None, DEVELOP),
+    Entry("setup", "Only set up: .venv, the build of ros_ws, and the packages of groups named, such as cluster.", None, DEVELOP),
     Entry("env", 'Print the environment for a shell: eval "$(./sixstrut env)"', None, DEVELOP),
     Entry("clean", "Remove what set-up made.", None, DEVELOP),
 )

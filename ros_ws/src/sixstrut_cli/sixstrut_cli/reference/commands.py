@@ -17,11 +17,25 @@ EXIT_CODES = (
     ("3", "the machine lacks something that set-up needs"),
     (
         "4",
-        "done, but the answer is no: a roll that is not feasible, a travel that did not arrive, a replay that differs, "
-        "something that the doctor would mend",
+        "done, but the answer is no: a roll that is not feasible, a travel that did not arrive, a replay that differs, a case of "
+        "`validate` that does not hold, a failure that `faults` did not see survived, a page that is not what the code says "
+        "(`docs --check`), something that the doctor would mend",
     ),
     ("130", "interrupted"),
 )
+
+ENVIRONMENT = (
+    ("SIXSTRUT_BAGS", "folder of the bags of a bridge that is not told another one; else `bags` in the working directory"),
+    (
+        "SIXSTRUT_STATE_DIR",
+        "folder of what is known of robots; else `~/.local/state/sixstrut`. The virtual prototype's link is there, too",
+    ),
+    ("SIXSTRUT_TOKEN", "the secret in the addresses of `console` and `foxglove`; else a new one at each start"),
+    ("SIXSTRUT_DEBUG", "`1`: an error shows its traceback, as with `./sixstrut --debug COMMAND`"),
+    ("SIXSTRUT_PYTHON", "the interpreter that set-up uses; else 3.12, 3.13 or 3.11, whichever runs"),
+    ("NUMBA_CACHE_DIR", "folder of the compiled solver; else beside its sources"),
+)
+_EXAMPLE = re.compile(r"((?:\w+=\S+ )*)sixstrut ")
 
 
 def page(_: Path) -> str:
@@ -30,6 +44,8 @@ def page(_: Path) -> str:
     lines = ["# Commands", "", NOTE, "", "`./sixstrut COMMAND --help` shows the same.", ""]
     lines += table(("command", "does"), [(f"[`{entry.name}`](#{entry.name})", entry.help) for entry in entries])
     lines += ["", "## Exit codes", "", *table(("code", "means"), EXIT_CODES)]
+    variables = [(f"`{name}`", text) for name, text in ENVIRONMENT]
+    lines += ["", "## Environment variables", "", *table(("variable", "means"), variables)]
     for entry in entries:
         lines += ["", f"## {entry.name}", ""]
         lines += [entry.help] if entry.module is None else _command(entry.name)
@@ -54,10 +70,10 @@ def _command(name: str) -> list[str]:
 
 
 def _parts(text: str) -> tuple[list[str], list[str]]:
-    """What a command's help says, and its examples, which begin with the command line's name."""
+    """What a command's help says, and its examples, which begin with the command line's name, or with variables before it."""
     lines = text.splitlines()
-    examples = [f"./{line.strip()}" for line in lines if line.strip().startswith("sixstrut ")]
-    prose = [line for line in lines if not line.strip().startswith("sixstrut ")]
+    examples = [_EXAMPLE.sub(r"\1./sixstrut ", line.strip()) for line in lines if _EXAMPLE.match(line.strip())]
+    prose = [line for line in lines if not _EXAMPLE.match(line.strip())]
     while prose and not prose[-1].strip():
         prose.pop()
     return prose, examples

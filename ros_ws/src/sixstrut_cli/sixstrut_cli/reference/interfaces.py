@@ -38,7 +38,8 @@ _CALL = re.compile(
 HEAD = """\
 All names are relative: namespaces and remaps work. Poses are in the frame `odom`, z up. Lengths are absolute rest lengths in m
 (mid stroke 0.234), and struts are named `S1`…`S6`. What the stack's parts promise each other: [architecture](../architecture.md).
-Topics marked *bag* are recorded under `/recorded/…`."""
+Topics marked *bag* are recorded under `/recorded/…`. The tables name nodes only; console, Foxglove server and commands use these
+names, too."""
 
 
 class Use(NamedTuple):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page of parameters: of the nodes, of the robot's model, and of the actuators' model."""
+"""The page of parameters: of the nodes, of the launch file, of the robot's model, and of the actuators' model."""
 
 from dataclasses import fields
 from pathlib import Path
@@ -15,6 +15,12 @@ HEAD = """\
 
 Parameters are read at the start and cannot be changed while a node runs: `--ros-args -p NAME:=VALUE`, or a YAML file, as in
 `ros_ws/src/tensegrity_robot/config/`. `ros2 param describe` tells the same."""
+
+LAUNCH = """\
+## The launch file
+
+`ros2 launch tensegrity_robot tensegrity.launch.py NAME:=VALUE` takes these arguments, and checks all of them before anything
+starts. `--show-args` lists them, too."""
 
 MODEL = """\
 ## The robot's model
@@ -40,6 +46,7 @@ def page(_: Path) -> str:
             "",
             *table(("parameter", "default", "valid", "means"), [_node_row(row) for row in fields(settings)]),
         ]
+    lines += ["", LAUNCH, "", *table(("argument", "default", "means"), _launch_rows())]
     for text, file in ((MODEL, parameters.FILE), (ACTUATORS, actuators.FILE)):
         numbers = _model_rows(file)
         lines += ["", text, "", *table(("parameter", "value", "unit", "valid", "source", "means"), numbers)]
@@ -58,6 +65,12 @@ def _nodes() -> dict[str, Any]:
         "traveller": TravellerParameters,
         "twin": TwinParameters,
     }
+
+
+def _launch_rows() -> list[tuple[str, str, str]]:
+    from tensegrity_robot.ros.launch_arguments import ARGUMENTS
+
+    return [(f"`{name}`", f"`{default}`" if default else "empty", text) for name, default, text in ARGUMENTS]
 
 
 def _node_row(row: Any) -> tuple[str, str, str, str]:

@@ -149,8 +149,8 @@ def page_of(asked: CampaignRequest, campaign: Campaign, images: Path | None) -> 
         lines += [
             f"{len(campaign.pairs)} of these trials, drawn by the seed, half of them failures as far as there are any, were run",
             "again by `sixstrut trial`: planner, bridge, board's bytes and the virtual prototype of the same seed and scale, as",
-            f"processes of their own. **{agree} of {len(campaign.pairs)} agree.** They need not all: the stack streams its motions",
-            "in steps, and its robot goes on from where it stands, with small displacements that the batch solver's does not have.",
+            f"processes of their own. **{agree} of {len(campaign.pairs)} agree.** They need not all agree: the stack sends",
+            "motions in steps, and its robot starts from where it stands, slightly displaced; the batch solver's does not.",
             "",
             table_of(campaign.pairs),
         ]

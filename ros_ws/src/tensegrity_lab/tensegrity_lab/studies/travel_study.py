@@ -25,7 +25,7 @@ Key = tuple[int, float, str, bool]
 INTRODUCTION = """\
 # A study of travels
 
-How well does the traveller reach a place on the floor? How it chooses its way is told in the guide, docs/guide/travel.md.
+How well does the traveller reach a place on the floor? How it chooses its way is told in [the guide](../guide/travel.md).
 """
 
 

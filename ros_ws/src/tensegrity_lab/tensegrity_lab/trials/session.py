@@ -160,7 +160,7 @@ class Session:
         self._lab.wait_for_growing_log()
 
     def _still_warm_s(self, slot: Slot) -> float:
-        """How long a real robot must rest for what it ran before this program started, of which the bridge knows nothing (s)."""
+        """How long a real robot must still rest for what it ran just before (s): by the ledger; the bridge remembers it, too."""
         if self._folder.settings.virtual_robot:
             return 0.0  # each start is another prototype, cold
         limits, now_s, duty = Limits(), time.time(), Duty()

@@ -12,6 +12,7 @@ from sixstrut_cli.outputs import announce, import_tests, output_folder, results_
 
 ROWS = range(1, 25)
 PAGE = "failures.md"
+EXIT_NOT_SURVIVED = 4
 
 
 def command(
@@ -25,7 +26,7 @@ def command(
 
     All rows together make a page, failures.md.
 
-    Exit code 0: all were survived; 1: one was not.
+    Exit code 0: all were survived; 4: one was not.
 
     sixstrut faults
     sixstrut faults --only 3,14
@@ -83,7 +84,7 @@ def command(
             for line in (*(f"operator sees: {told}" for told in seen), *measured, *boards):
                 say(f"     {line}")
     if failed:
-        raise typer.Exit(1)
+        raise typer.Exit(EXIT_NOT_SURVIVED)
     if numbers == set(ROWS):
         path = results_page(PAGE) if page else output_folder("faults", output) / PAGE
         path.write_text(as_markdown(outcomes), encoding="utf-8")
