@@ -192,6 +192,13 @@ def test_help_of_a_command_shows_an_example(name, capsys):
     assert f"sixstrut {name}" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("columns", ["60", "120"])
+def test_help_tells_defaults_in_words_at_any_width(columns, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert app.run(["docs", "--help"]) == 0
+    assert "default: out/site" in " ".join(capsys.readouterr().out.replace("│", " ").split())
+
+
 @pytest.fixture
 def library(tmp_path):
     """A primitive library that nobody wants to lose."""

@@ -22,7 +22,7 @@ HIGHEST_DOMAIN = 101
 
 Json = Annotated[bool, typer.Option("--json", help="Print JSON, for scripts.")]
 Page = Annotated[bool, typer.Option("--page", help="Write the repository's page in docs/results/.")]
-Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder to write to. [default: out/ and the command's name]")]
+Output = Annotated[Path | None, typer.Option("--output", "-o", help="Folder to write to; default: out/ and the command's name.")]
 SuccessCounts = Annotated[
     Path | None,
     typer.Option(
@@ -62,7 +62,7 @@ Actuators = Annotated[str, typer.Option("--actuators", help="Of the virtual prot
 Bags = Annotated[Path, typer.Option("--bags", help="Folder for the bag, and its picture.")]
 Domain = Annotated[
     int | None,
-    typer.Option("--domain", min=0, max=HIGHEST_DOMAIN, help="ROS domain of the virtual stack. [default: one that nobody uses]"),
+    typer.Option("--domain", min=0, max=HIGHEST_DOMAIN, help="ROS domain of the virtual stack; default: one that nobody uses."),
 ]
 
 # The robot's board.
@@ -75,7 +75,7 @@ SilentBoard = Annotated[bool, typer.Option("--silent-board", help="This board ca
 # Servers.
 TokenFile = Annotated[
     Path | None,
-    typer.Option("--token-file", help="A file (mode 600) with the secret of the address. [default: SIXSTRUT_TOKEN, else new]"),
+    typer.Option("--token-file", help="A file (mode 600) with the secret of the address; default: SIXSTRUT_TOKEN, else new."),
 ]
 Token = Annotated[str | None, typer.Option("--token", hidden=True)]
 """No more: everybody sees it in the list of processes."""

@@ -16,7 +16,7 @@ EXIT_DIFFERENT = 4
 def command(
     check: Annotated[bool, typer.Option("--check", help="Write nothing: compare the reference pages with the code.")] = False,
     pages_only: Annotated[bool, typer.Option("--pages-only", help="Write the reference pages, build no site.")] = False,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the site. [default: out/site]")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Folder of the site; default: out/site.")] = None,
 ) -> None:
     """Write docs/reference/ from the code, and build the site of docs/, which needs no network when it is read.
 

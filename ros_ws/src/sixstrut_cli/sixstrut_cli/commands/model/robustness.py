@@ -34,7 +34,7 @@ def command(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG, like the paper's Figure 8. [default: out/robustness/LIBRARY.png; none with --json]", callback=picture_path
+            help="PNG, like the paper's Figure 8; default: out/robustness/LIBRARY.png; none with --json.", callback=picture_path
         ),
     ] = None,
     tables: Annotated[Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.")] = None,

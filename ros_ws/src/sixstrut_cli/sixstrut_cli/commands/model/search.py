@@ -22,7 +22,7 @@ def command(
     plan_name: Annotated[
         Literal["improved", "previous", "robust"], typer.Argument(metavar="PLAN", help="improved, previous or robust.")
     ] = "improved",
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Library YAML. [default: out/search/PLAN.yaml]")] = None,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Library YAML; default: out/search/PLAN.yaml.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and options, same library.")] = 1,
     keep: Annotated[int, typer.Option(min=1, help="Primitives per class.")] = 20,
     roll_class: Annotated[str | None, typer.Option("--class", help="TC6-TO5 or TO5-TC6; default: both.")] = None,

@@ -14,7 +14,7 @@ from sixstrut_cli.outputs import announce, in_folder, output_folder, output_of, 
 def command(
     trials: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags. [default: the newest session]"),
+        typer.Argument(metavar="SESSION_OR_BAG...", help="Sessions' folders, and bags; default: the newest session."),
     ] = None,
     ensemble: Annotated[
         Path | None,

@@ -14,12 +14,12 @@ from sixstrut_cli.outputs import announce, in_folder, output_folder, picture_pat
 def command(
     bags: Annotated[
         list[Path] | None,
-        typer.Argument(metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags. [default: the newest session or bag]"),
+        typer.Argument(metavar="BAG_OR_FOLDER...", help="Bags, and folders with bags; default: the newest session or bag."),
     ] = None,
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG: predicted probability against the share that succeeded. [default: out/odds/odds.png]", callback=picture_path
+            help="PNG: predicted probability against the share that succeeded; default: out/odds/odds.png.", callback=picture_path
         ),
     ] = None,
     as_json: options.Json = False,

@@ -28,7 +28,7 @@ def command(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG of the session, or of one trial. [default: BAG_replay.png beside the bag; none with --json or for trials]"
+            help="PNG of the session, or of one trial; default: BAG_replay.png beside the bag; none with --json or for trials."
         ),
     ] = None,
     animation: Annotated[

@@ -34,11 +34,11 @@ COMMAND_CLASS = _Greedy
 
 def command(
     sessions: Annotated[
-        list[Path] | None, typer.Argument(help="Folders of sessions; several are taken together. [default: the newest]")
+        list[Path] | None, typer.Argument(help="Folders of sessions; several are taken together; default: the newest.")
     ] = None,
     against: Annotated[list[Path] | None, typer.Option(help="Sessions to compare with: all that follow.")] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder to write to. [default: report in the first session's]")
+        Path | None, typer.Option("-o", "--output", help="Folder to write to; default: report in the first session's.")
     ] = None,
 ) -> None:
     """Success rates with intervals, the paper's Figure 8, tests, symmetry, predictions: one page, with CSV and PNG beside it.

@@ -13,14 +13,14 @@ def command(
     session: Annotated[
         Path | None, typer.Argument(help="The session's folder; it goes on if it exists. Default: a new one.")
     ] = None,
-    library: Annotated[str | None, typer.Option(help="A shipped library's name, or a YAML file. [default: robust]")] = None,
-    primitives: Annotated[str | None, typer.Option(help='Which of it: "1-40", "1,3,7-9", "P5,P12", all. [default: all]')] = None,
+    library: Annotated[str | None, typer.Option(help="A shipped library's name, or a YAML file; default: robust.")] = None,
+    primitives: Annotated[str | None, typer.Option(help='Which of it: "1-40", "1,3,7-9", "P5,P12", all; default: all.')] = None,
     gaits: Annotated[
-        str | None, typer.Option(help="all (24), proper, improper, reference, or pairs: TC6-TO5,TO5-TC8. [default: all]")
+        str | None, typer.Option(help="all (24), proper, improper, reference, or pairs: TC6-TO5,TO5-TC8; default: all.")
     ] = None,
-    repeats: Annotated[int | None, typer.Option(min=1, max=1000, help="Trials of each gait. [default: 1]")] = None,
-    order_seed: Annotated[int | None, typer.Option(min=0, help="Draws the order. [default: drawn and kept]")] = None,
-    experimenter: Annotated[str, typer.Option(help="Who runs it. [default: your login]")] = "",
+    repeats: Annotated[int | None, typer.Option(min=1, max=1000, help="Trials of each gait; default: 1.")] = None,
+    order_seed: Annotated[int | None, typer.Option(min=0, help="Draws the order; default: drawn and kept.")] = None,
+    experimenter: Annotated[str, typer.Option(help="Who runs it; default: your login.")] = "",
     robot: Annotated[str | None, typer.Option(help="Which prototype: one name for each.")] = None,
     port: Annotated[str, typer.Option(help="Device or socket://HOST:PORT of the board.")] = "",
     calibration: options.Calibration = None,
@@ -33,11 +33,11 @@ def command(
     silent_board: options.SilentBoard = False,
     perturbation: Annotated[
         float | None,
-        typer.Option(min=0.0, max=options.MOST_PERTURBATION, help="How far the virtual prototype is off. [default: 0.05]"),
+        typer.Option(min=0.0, max=options.MOST_PERTURBATION, help="How far the virtual prototype is off; default: 0.05."),
     ] = None,
-    seed: Annotated[int | None, typer.Option(min=0, help="Which virtual prototype. [default: 1]")] = None,
+    seed: Annotated[int | None, typer.Option(min=0, help="Which virtual prototype; default: 1.")] = None,
     actuators: Annotated[
-        str | None, typer.Option(help="Its actuators: ideal, stand-in, or a YAML file. [default: stand-in]")
+        str | None, typer.Option(help="Its actuators: ideal, stand-in, or a YAML file; default: stand-in.")
     ] = None,
     time_scale: options.TimeScale = 8.0,
     by_hand: Annotated[bool, typer.Option("--by-hand", help="Judge virtual trials yourself, to practise.")] = False,
