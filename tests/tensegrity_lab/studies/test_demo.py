@@ -89,7 +89,7 @@ def test_twin_and_prototype_coincide_without_perturbation_and_part_at_ten_percen
     assert alike < CALM_MM
     assert apart > CALM_MM
     assert apart > 2 * alike
-    assert "scale 0.1, seed 6; uniform" in printed
+    assert "perturbed by ±10 % (seed 6)" in printed
 
 
 @pytest.mark.slow

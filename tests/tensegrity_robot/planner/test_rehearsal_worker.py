@@ -48,6 +48,6 @@ def test_an_unlikely_roll_is_refused_with_its_odds_and_rolls_only_if_told_to(rob
         assert gait.low <= gait.odds <= gait.high
     assert result.odds == told.gaits[0].odds < 1.0
 
-    assert robot.roll("TO5", anyway=True).success
+    assert robot.end(robot.begin_roll("TO5", anyway=True)).result.success
     assert "rehearsing" in robot.feedback
     wait_until(lambda: robot.observed.face == "TO5", 10.0, "the observer's word")

@@ -323,9 +323,14 @@ class StackClient:
     # ---- actions ----------------------------------------------------------------------------------------------------
 
     def begin_roll(
-        self, target: str, source: str = "", primitive: str = "", tell: Callable[[Any], None] = lambda feedback: None
+        self,
+        target: str,
+        source: str = "",
+        primitive: str = "",
+        tell: Callable[[Any], None] = lambda feedback: None,
+        anyway: bool = False,
     ) -> Any:
-        """The goal handle of a roll. Args: as in `roll`."""
+        """The goal handle of a roll. Args: as in `roll`; and anyway: although rehearsals say that it is unlikely to work."""
         self.feedback.clear()
 
         def note(feedback: Any) -> None:
@@ -333,7 +338,7 @@ class StackClient:
                 self.feedback.append(feedback.phase)
             tell(feedback)
 
-        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive)
+        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive, anyway=anyway)
         return self.send(self._roll, goal, "roll", note)
 
     def roll(
