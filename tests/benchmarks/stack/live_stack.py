@@ -176,9 +176,7 @@ class _Times:
     def end(self, called_ns: int, find: Callable[[Sequence[tuple[int, bool]], int], int | None]) -> None:
         """After the call's answer: a heartbeat from after it says that every write before has been heard."""
         probe, answered_ns = self._probe, self._probe.now_ns()
-        probe.wait(
-            lambda: probe.writes and probe.writes[-1][1] and probe.writes[-1][0] > answered_ns, "the bridge's next heartbeat"
-        )
+        probe.wait(lambda: probe.sent[-1].heartbeat and probe.stamp_ns(probe.sent[-1]) > answered_ns, "the bridge's next heartbeat")
         written_ns = find(probe.writes, called_ns)
         if written_ns is None or abs(_offset_ns() - self._offset_ns) > CLOCK_SET_NS:
             self._dropped += 1

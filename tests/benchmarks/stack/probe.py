@@ -7,7 +7,7 @@ from typing import Self
 
 from diagnostic_msgs.msg import DiagnosticArray
 
-from tensegrity_interfaces.msg import StrutsSent, TwinState
+from tensegrity_interfaces.msg import TwinState
 from tensegrity_lab.stack.client import StackClient
 from tensegrity_lab.stack.processes import START_LIMIT_S, Stack
 from tensegrity_robot.ros import qos
@@ -20,14 +20,12 @@ class Probe(StackClient):
     Attributes:
         ticks: (stamp in ns, when heard on the steady clock in ns) of every twin/joint_states.
         states: when each twin/state was heard, on the steady clock in ns.
-        writes: (stamp in ns, heartbeat) of every bridge/struts_sent.
         log: (when heard in s, messages, most waiting) of the bag, newest diagnostics; None before.
     """
 
     def __init__(self, stack: Stack):
         self.ticks: list[tuple[int, int]] = []
         self.states: list[int] = []
-        self.writes: list[tuple[int, bool]] = []
         self.log: tuple[float, int, int] | None = None
         super().__init__(stack, name="sixstrut_bench", events=True)
         TWIN_JOINT_STATES.subscribe(self.node, self._on_tick, qos.STREAM, raw=True)
@@ -46,8 +44,10 @@ class Probe(StackClient):
         self.states.append(time.monotonic_ns())
         super()._on_twin(state)
 
-    def _on_sent(self, sent: StrutsSent) -> None:
-        self.writes.append((self.stamp_ns(sent), sent.heartbeat))
+    @property
+    def writes(self) -> list[tuple[int, bool]]:
+        """(stamp in ns, heartbeat) of every bridge/struts_sent."""
+        return [(self.stamp_ns(sent), sent.heartbeat) for sent in self.sent]
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         super()._on_diagnostics(message)
