@@ -4,6 +4,7 @@
 Packages come in groups. `base` is what every command needs; the others are added when a command first needs them.
 """
 
+import ast
 import contextlib
 import os
 import shutil
@@ -24,6 +25,11 @@ GROUPS = ("base", "console", "cluster", "checks", "docs", "bench")
 STEPS = 3  # that making the base takes; a further group is one step
 BUILT_FROM_SOURCE = ("empy",)  # pure Python, published without a wheel
 BUILD_TOOLS = ("cmake",)  # not in .venv: there while ros_ws is built
+INSTALLER = "uv"  # not in .venv: there while the base is installed, in a tenth of the time that pip takes
+
+_AS_UV_SAYS_IT = {"index-url": "--default-index", "extra-index-url": "--index", "find-links": "--find-links"}
+_OF_THE_NETWORK = {"proxy", "trusted-host", "client-cert", "no-index", "use-deprecated", "use-feature", "config-file"}
+"""Settings of pip with which only pip knows how to reach its packages."""
 
 
 def _stamp_file(layout: Layout) -> Path:
@@ -56,7 +62,7 @@ def _installed(layout: Layout) -> dict[str, str]:
 def needed(layout: Layout, groups: Iterable[str]) -> list[Requirement]:
     """The groups' requirements that hold for the running interpreter, each once."""
     found = [r for group in groups for r in read_lock(layout.lock(group)) if r.holds_for(sys.version_info[:2])]
-    return list({r.name: r for r in found if r.name not in BUILD_TOOLS}.values())
+    return list({r.name: r for r in found if r.name not in (*BUILD_TOOLS, INSTALLER)}.values())
 
 
 @contextlib.contextmanager
@@ -70,6 +76,44 @@ def build_tools(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> I
         yield folder / "cmake" / "data" / "bin"
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _installer(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
+    """The environment with uv in its path, gone afterwards; without, if uv cannot be had or knows not what pip is told."""
+    folder = layout.state / INSTALLER
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        if shutil.which(INSTALLER, path=environ.get("PATH")) is None and _as_uv(_settings(layout, environ)) is not None:
+            with contextlib.suppress(SetupError):
+                requirements = [r for r in read_lock(layout.lock("base")) if r.name == INSTALLER]
+                _pip(layout, requirements, runner, environ, "--target", str(folder))
+                environ = {**environ, "PATH": f"{folder / 'bin'}{os.pathsep}{environ['PATH']}"}
+        yield environ
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _settings(layout: Layout, environ: Mapping[str, str]) -> str:
+    """Pip's own, from its files and variables: lines such as `global.index-url='https://…'`."""
+    command = [layout.venv_python, "-m", "pip", "--disable-pip-version-check", "config", "list"]
+    return subprocess.run(command, env=environ, capture_output=True, text=True, check=False).stdout
+
+
+def _as_uv(settings: str) -> tuple[list[str], dict[str, str]] | None:
+    """Where packages come from, by pip's settings, as options and variables of uv; None: it does not know some of them."""
+    options: list[str] = []
+    variables: dict[str, str] = {}
+    for line in settings.splitlines():
+        key, _, value = line.partition("=")
+        name = key.rpartition(".")[2]
+        if name in _OF_THE_NETWORK:
+            return None
+        if name in _AS_UV_SAYS_IT:
+            options += [word for place in ast.literal_eval(value).split() for word in (_AS_UV_SAYS_IT[name], place)]
+        if name == "cert":
+            variables["SSL_CERT_FILE"] = ast.literal_eval(value)
+    return options, variables
 
 
 def install(layout: Layout, groups: Sequence[str], runner: Runner, environ: Mapping[str, str]) -> None:
@@ -87,7 +131,8 @@ def install(layout: Layout, groups: Sequence[str], runner: Runner, environ: Mapp
     brought = {r.name: r.version for r in needed(layout, there)}
     requirements = [r for r in needed(layout, groups) if brought.get(r.name) != r.version]
     with progress.step(f"installing {len(requirements)} packages{_purpose(groups)}"):
-        _pip(layout, requirements, runner, environ)
+        with _installer(layout, runner, environ) if "base" in groups else contextlib.nullcontext(environ) as inside:
+            _pip(layout, requirements, runner, inside)
         progress.result(f"{len(requirements)} packages")
     if "base" in groups:
         with progress.step("repairing the CMake files of the ROS wheels"):
@@ -142,7 +187,8 @@ def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, enviro
     exactly = ["--require-hashes", "--no-deps", "--no-build-isolation", *more, "-r"]
     pip = [python, "-m", "pip", "install", "--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}", "--no-compile"]
     pip += ["--no-input", "--disable-pip-version-check", "--progress-bar=off", *exactly]
-    uv = shutil.which("uv", path=environ.get("PATH"))
+    uv = shutil.which(INSTALLER, path=environ.get("PATH"))
+    told = _as_uv(_settings(layout, environ)) if uv else None
     site_packages = Path(sysconfig.get_path("purelib", vars={"base": str(layout.venv)}))
     counter = _Counter(len(requirements), site_packages, runner.progress)
     with tempfile.TemporaryDirectory() as folder:
@@ -150,19 +196,19 @@ def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, enviro
             file = Path(folder) / f"{len(part)}.txt"
             file.write_text("".join(f"{r.text}\n" for r in part), encoding="utf-8")
 
-            def run(command: list[str], file: Path = file) -> None:
+            def run(command: list[str], variables: Mapping[str, str], file: Path = file) -> None:
                 counter.restart()
-                now = [*command, str(file)]
-                runner.run("installing packages", now, cwd=layout.root, environ=environ, on_line=counter.line, on_tick=counter.tick)
+                now, inside = [*command, str(file)], {**environ, **variables}
+                runner.run("installing packages", now, cwd=layout.root, environ=inside, on_line=counter.line, on_tick=counter.tick)
 
             if not part:
                 continue
-            if uv:
-                with contextlib.suppress(SetupError):  # it knows none of pip's settings: where those are needed, pip does it
-                    run([uv, "pip", "install", "--python", python, *exactly])
+            if uv and told is not None:
+                with contextlib.suppress(SetupError):  # then pip does it
+                    run([uv, "pip", "install", "--python", python, *told[0], *exactly], told[1])
                     continue
             try:
-                run(pip)
+                run(pip, {})
             except SetupError as error:
                 hint = "If the network failed, run this again; pip's own settings (proxy, index) are respected."
                 raise SetupError(f"{error}\n{hint}") from None

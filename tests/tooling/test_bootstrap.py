@@ -163,10 +163,25 @@ def test_groups_are_added_and_a_new_base_brings_all_that_were_there(fresh: Path)
     assert packages.missing(layout, ("console",)) == ["base", "console", "checks"]
 
 
-def test_cmake_is_in_the_lock_but_not_in_the_environment(fresh: Path):
+def test_cmake_and_uv_are_in_the_lock_but_not_in_the_environment(fresh: Path):
     names = {requirement.name for requirement in packages.needed(Layout(fresh), ["base"])}
     assert "colcon-core" in names
-    assert not names & set(packages.BUILD_TOOLS)
+    assert not names & {*packages.BUILD_TOOLS, packages.INSTALLER}
+
+
+@pytest.mark.parametrize(
+    ("settings", "as_uv"),
+    [
+        ("", ([], {})),
+        ("global.timeout='60'\nglobal.constraint='/etc/c.txt'\n", ([], {})),
+        (":env:.find-links='/a /b'\n", (["--find-links", "/a", "--find-links", "/b"], {})),
+        ("global.index-url='https://own.example/simple'\n", (["--default-index", "https://own.example/simple"], {})),
+        ("global.cert='/etc/own.pem'\n", ([], {"SSL_CERT_FILE": "/etc/own.pem"})),
+        ("global.proxy='http://proxy.example'\n", None),
+    ],
+)
+def test_pips_settings_are_told_to_uv_and_where_it_does_not_know_them_pip_installs(settings: str, as_uv: object):
+    assert packages._as_uv(settings) == as_uv
 
 
 def test_the_tools_of_the_build_go_with_it(fresh: Path, runner: Runner, monkeypatch: pytest.MonkeyPatch):
@@ -197,5 +212,6 @@ def test_uv_is_used_where_it_is_there_and_pip_where_uv_fails(
     with packages.build_tools(layout, runner, {"PATH": f"{tmp_path}:{os.environ['PATH']}"}):
         pass
     lines = told.read_text().splitlines()
+    assert lines.pop(0) == "pip -m pip --disable-pip-version-check config list", "how it reaches packages"
     assert [line.split()[0] for line in lines] == asked
     assert all("--require-hashes --no-deps" in line for line in lines)
