@@ -18,7 +18,7 @@ import pytest
 from hardware_bridge.errors import PortBusy, PortMissing, PortWrongKind
 from hardware_bridge.link.port_lock import lock_port
 from hardware_bridge.link.transport import SerialTransport
-from tests.hardware_bridge.helpers import Wire
+from tests.hardware_bridge.helpers import Wire, wait_for
 
 
 @pytest.fixture
@@ -110,6 +110,7 @@ def test_a_terminal_that_somebody_sits_at_is_no_robots_port() -> None:
     if process == 0:
         os.execvp("sleep", ["sleep", "60"])
     try:
+        wait_for(lambda: os.path.realpath(f"/proc/{process}/fd/0").startswith("/dev/pts/"), "the terminal")
         before = termios.tcgetattr(terminal)
         transport = SerialTransport(os.path.realpath(f"/proc/{process}/fd/0"))
         with pytest.raises(PortBusy, match=rf"is the terminal of process {process} \((sleep|python[0-9.]*)\)"):

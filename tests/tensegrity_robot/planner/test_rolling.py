@@ -145,7 +145,7 @@ def commander(robot):
 
 
 def test_a_silent_commander_loses_the_lease_and_the_struts_hold(commander):
-    handle = commander.begin_motion((100.0, [0.244] * 6), lease=commander.lease)
+    handle = commander.begin_motion((300.0, [0.244] * 6), lease=commander.lease)
     commander.moves(handle, 0.0001)
     commander.lease = ""
     answer = commander.end(handle)
