@@ -205,7 +205,11 @@ def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, enviro
                 continue
             if uv and told is not None:
                 with contextlib.suppress(SetupError):  # then pip does it
-                    run([uv, "pip", "install", "--python", python, *told[0], *exactly], told[1])
+                    # From any index, as pip does it; what comes from a stranger's is not what the lock says.
+                    run(
+                        [uv, "pip", "install", "--python", python, "--index-strategy", "unsafe-best-match", *told[0], *exactly],
+                        told[1],
+                    )
                     continue
             try:
                 run(pip, {})
