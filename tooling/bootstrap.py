@@ -1,15 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
 """Behind ./sixstrut: sets the checkout up if that is not done yet, then becomes the command that was asked for.
 
     ./sixstrut COMMAND …   set up if needed, then run the command
-    ./sixstrut setup       only set up
+    ./sixstrut setup       only set up; with names of groups of packages, these too
     ./sixstrut env         set up if needed, then print the environment for a shell: eval "$(./sixstrut env)"
     ./sixstrut clean       remove what set-up made
 
 Standard library only. Exit codes of its own: 2 wrong usage, 3 this machine or the network stands in the way of set-up,
 130 interrupted.
 """
-
-from __future__ import annotations
 
 import os
 import shutil
@@ -37,6 +36,7 @@ EXIT_INTERRUPTED = 130
 
 
 def main(arguments: Sequence[str]) -> int:
+    """Run a command line; the exit status."""
     layout = Layout(ROOT)
     try:
         return _dispatch(layout, arguments)
@@ -55,51 +55,61 @@ def _dispatch(layout: Layout, arguments: Sequence[str]) -> int:
         print(registry.static_help(name))
         return 0
     if name is not None and name not in registry.names():
-        meant = "".join(f" Did you mean {near}?" for near in get_close_matches(name, registry.names(), 1))
-        print(f"sixstrut: no command {name!r}; there are: {', '.join(registry.names())}.{meant}", file=sys.stderr)
+        near = get_close_matches(name, registry.names(), 1)
+        meant = f"did you mean {near[0]}? All: ./sixstrut --help" if near else f"there are: {', '.join(registry.names())}"
+        print(f"sixstrut: no command {name!r}; {meant}", file=sys.stderr)
         return EXIT_USAGE
-    if name in registry.SETUP_COMMANDS and len(arguments) > 1:
-        print(f"sixstrut: {name} takes no options", file=sys.stderr)
+    more = [word for word in arguments if word != name] if name in registry.SETUP_COMMANDS else []
+    if not set(more) <= set(packages.GROUPS if name == "setup" else ()):
+        takes = f"nothing but groups of packages: {', '.join(packages.GROUPS)}" if name == "setup" else "no options"
+        print(f"sixstrut: {name} takes {takes}", file=sys.stderr)
         return EXIT_USAGE
     if name == "clean":
         return _clean(layout)
-    set_up(layout)
+    set_up(layout, (*registry.packages_of(name, arguments), *more))
     if name == "env":
         print(environment.exports(environment.overlay(os.environ, layout, workspace.paths(layout))))
         return 0
     if name == "setup":
         print(f"ready: {layout.venv} and {layout.install}")
         return 0
-    _become(layout, arguments)
+    return _become(layout, arguments)
 
 
-def _ready(layout: Layout) -> bool:
-    return packages.ready(layout) and workspace.ready(layout)
+def _ready(layout: Layout, groups: Sequence[str] = ()) -> bool:
+    return not packages.missing(layout, groups) and workspace.ready(layout)
 
 
-def set_up(layout: Layout) -> None:
-    """Does what is not done yet. Each of the two results bears a stamp, written last, of all that it depends on."""
-    if _ready(layout):
+def set_up(layout: Layout, groups: Sequence[str] = ()) -> None:
+    """Does what is not done yet. Each result bears a stamp, written last, of all that it depends on.
+
+    Args:
+        layout: of the checkout.
+        groups: of packages, needed beside the base.
+    """
+    if _ready(layout, groups):
         return
     for number in (signal.SIGTERM, signal.SIGHUP):
         if signal.getsignal(number) is signal.SIG_DFL:  # leave `nohup` its way
             signal.signal(number, _exit_on_signal)
     with exclusive(layout.state / "lock") as lock:
-        todo_packages = not packages.ready(layout)
-        todo_workspace = todo_packages or not workspace.ready(layout)
-        if not todo_workspace:
+        todo = packages.missing(layout, groups)
+        todo_workspace = "base" in todo or not workspace.ready(layout)
+        if not todo and not todo_workspace:
             return  # the one we waited for has done it
-        machine.check(layout.root, os.environ, needs_disk=todo_packages)
+        machine.check(layout.root, os.environ, needs_disk="base" in todo)
         layout.log.write_text("", encoding="utf-8")
-        progress = Progress(packages.STEPS * todo_packages + workspace.STEPS)
+        steps = packages.STEPS if "base" in todo else len(todo[:1])
+        progress = Progress(steps + workspace.STEPS * todo_workspace)
         runner = Runner(layout.log, lock, progress)
-        if todo_packages:
-            packages.install(layout, runner, os.environ)
-        workspace.build(layout, runner, os.environ)
+        if todo:
+            packages.install(layout, todo, runner, os.environ)
+        if todo_workspace:
+            workspace.build(layout, runner, os.environ)
         layout.chosen_python.write_text(f"{sys.executable}\n", encoding="utf-8")
 
 
-def _exit_on_signal(number: int, frame: FrameType | None) -> None:
+def _exit_on_signal(number: int, _frame: FrameType | None) -> None:
     """So that the running step is ended too, instead of left behind."""
     sys.exit(128 + number)
 

@@ -1,11 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
 """Repairs the ROS wheels' CMake files, which name the Python of the machine that built them.
 
 The message packages export include directories such as `/opt/python/cp312-cp312/include/python3.12` and that Python's
 numpy. A package built on top of them (ours is one) would look there, and CMake refuses include directories that do
 not exist.
 """
-
-from __future__ import annotations
 
 import os
 import re
@@ -38,11 +37,12 @@ def repair(venv: Path, python_include: str, numpy_include: str) -> int:
 def _replace(path: Path, text: str) -> None:
     """Atomically, through a new file: an installer may have hard-linked the old one from its cache."""
     handle, name = tempfile.mkstemp(dir=path.parent, prefix=path.name)
+    new = Path(name)
     try:
         with os.fdopen(handle, "w", encoding="utf-8") as file:
             file.write(text)
-        os.chmod(name, path.stat().st_mode & 0o7777)
-        os.replace(name, path)
+        new.chmod(path.stat().st_mode & 0o7777)
+        new.replace(path)
     except BaseException:
-        os.unlink(name)
+        new.unlink()
         raise

@@ -1,11 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
 """The environment that ROS programs of this checkout run in.
 
 The virtual environment is the underlay (its `share` and `lib` hold the ROS wheels), ros_ws/install lies over it. An apt
 ROS that the user has sourced, or another checkout's environment, is taken out first: two builds of the same libraries
 in one process end in crashes.
 """
-
-from __future__ import annotations
 
 import shlex
 from collections.abc import Iterable, Mapping
@@ -69,6 +68,7 @@ def for_command(environ: Mapping[str, str], layout: Layout, workspace: Paths) ->
 
 
 def applied(environ: Mapping[str, str], changes: Changes) -> dict[str, str]:
+    """The environment after the changes."""
     merged = {**environ, **changes}
     return {name: value for name, value in merged.items() if value is not None}
 

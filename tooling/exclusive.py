@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """One set-up at a time in one checkout."""
-
-from __future__ import annotations
 
 import fcntl
 import os
@@ -53,6 +52,6 @@ def _tell(descriptor: int) -> None:
 
 def _is_still_at(path: Path, descriptor: int) -> bool:
     try:
-        return os.path.samestat(os.stat(path), os.fstat(descriptor))
+        return os.path.samestat(path.stat(), os.fstat(descriptor))
     except FileNotFoundError:
         return False

@@ -1,8 +1,6 @@
+# SPDX-License-Identifier: Apache-2.0
 """Where set-up puts things, and the error it raises."""
 
-from __future__ import annotations
-
-from dataclasses import dataclass
 from pathlib import Path
 
 
@@ -10,46 +8,20 @@ class SetupError(Exception):
     """Set-up cannot go on. The text says what is wrong and what to do."""
 
 
-@dataclass(frozen=True)
 class Layout:
     """The paths of one checkout."""
 
-    root: Path
+    def __init__(self, root: Path):
+        self.root = root
+        self.venv = root / ".venv"
+        self.venv_python = self.venv / "bin" / "python"
+        self.workspace = root / "ros_ws"
+        self.sources = self.workspace / "src"
+        self.install = self.workspace / "install"
+        self.state = root / ".sixstrut"  # set-up's own files
+        self.log = self.state / "setup.log"  # what its commands printed
+        self.chosen_python = self.state / "python"  # names the interpreter of the last finished set-up, for the launcher
 
-    @property
-    def lock(self) -> Path:
-        return self.root / "requirements.lock"
-
-    @property
-    def venv(self) -> Path:
-        return self.root / ".venv"
-
-    @property
-    def venv_python(self) -> Path:
-        return self.venv / "bin" / "python"
-
-    @property
-    def workspace(self) -> Path:
-        return self.root / "ros_ws"
-
-    @property
-    def sources(self) -> Path:
-        return self.workspace / "src"
-
-    @property
-    def install(self) -> Path:
-        return self.workspace / "install"
-
-    @property
-    def state(self) -> Path:
-        """Set-up's own files: its log, its lock file, the interpreter it used."""
-        return self.root / ".sixstrut"
-
-    @property
-    def log(self) -> Path:
-        return self.state / "setup.log"
-
-    @property
-    def chosen_python(self) -> Path:
-        """Path of the interpreter of the last finished set-up, for the launcher."""
-        return self.state / "python"
+    def lock(self, group: str) -> Path:
+        """Of one group of packages, see `packages.GROUPS`."""
+        return self.root / "requirements" / f"{group}.lock"

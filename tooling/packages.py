@@ -1,24 +1,35 @@
-"""The virtual environment: Python packages and the ROS 2 wheels, exactly those of requirements.lock."""
+# SPDX-License-Identifier: Apache-2.0
+"""The virtual environment: Python packages and the ROS 2 wheels, exactly those of requirements/*.lock.
 
-from __future__ import annotations
+Packages come in groups. `base` is what every command needs; the others are added when a command first needs them.
+"""
 
+import ast
+import contextlib
 import os
 import shutil
 import subprocess
 import sys
 import sysconfig
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from tooling import cmake_exports, stamps
+from tooling import cmake_exports, slimming, stamps
 from tooling.layout import Layout, SetupError
 from tooling.process import Runner
 from tooling.progress import Progress
 from tooling.requirements import Requirement, read_lock
 
-STEPS = 3  # that `install` takes
+GROUPS = ("base", "console", "cluster", "checks", "docs", "bench")
+STEPS = 3  # that making the base takes; a further group is one step
 BUILT_FROM_SOURCE = ("empy",)  # pure Python, published without a wheel
+BUILD_TOOLS = ("cmake",)  # not in .venv: there while ros_ws is built
+INSTALLER = "uv"  # not in .venv: there while the base is installed, in a tenth of the time that pip takes
+
+_AS_UV_SAYS_IT = {"index-url": "--default-index", "extra-index-url": "--index", "find-links": "--find-links"}
+_OF_THE_NETWORK = {"proxy", "trusted-host", "client-cert", "no-index", "use-deprecated", "use-feature", "config-file"}
+"""Settings of pip with which only pip knows how to reach its packages."""
 
 
 def _stamp_file(layout: Layout) -> Path:
@@ -30,35 +41,114 @@ def made_by_us(layout: Layout) -> bool:
     return _stamp_file(layout).exists()
 
 
-def ready(layout: Layout) -> bool:
+def missing(layout: Layout, groups: Iterable[str]) -> list[str]:
+    """Those of the groups that are not installed as their locks say now, in the order of `GROUPS`; all, if the base is not."""
+    there = _installed(layout)
+    lacking = [g for g in GROUPS if g in {"base", *groups} and there.get(g) != stamps.packages_stamp(layout, g)]
+    return [g for g in GROUPS if g in {"base", *groups, *there}] if "base" in lacking else lacking
+
+
+def _installed(layout: Layout) -> dict[str, str]:
+    """Group -> its stamp when it was installed."""
+    if not os.access(layout.venv_python, os.X_OK):
+        return {}
     try:
-        stamp = _stamp_file(layout).read_text(encoding="utf-8")
+        lines = _stamp_file(layout).read_text(encoding="utf-8").splitlines()
     except FileNotFoundError:
-        return False
-    return stamp == stamps.packages_stamp(layout) and os.access(layout.venv_python, os.X_OK)
+        return {}
+    return {group: stamp for group, _, stamp in (line.partition(" ") for line in lines) if group in GROUPS and stamp}
 
 
-def needed(layout: Layout) -> list[Requirement]:
-    """The lock's requirements that hold for the running interpreter."""
-    return [r for r in read_lock(layout.lock) if r.holds_for(sys.version_info[:2])]
+def needed(layout: Layout, groups: Iterable[str]) -> list[Requirement]:
+    """The groups' requirements that hold for the running interpreter, each once."""
+    found = [r for group in groups for r in read_lock(layout.lock(group)) if r.holds_for(sys.version_info[:2])]
+    return list({r.name: r for r in found if r.name not in (*BUILD_TOOLS, INSTALLER)}.values())
 
 
-def install(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
-    """Makes the environment from nothing: what an interrupted or older set-up left is removed first."""
+@contextlib.contextmanager
+def build_tools(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> Iterator[Path]:
+    """The folder of CMake's programs, which is gone afterwards."""
+    folder = layout.state / "build_tools"
+    requirements = [r for r in read_lock(layout.lock("base")) if r.name in BUILD_TOOLS]
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        _pip(layout, requirements, runner, _clean(environ), "--target", str(folder))
+        yield folder / "cmake" / "data" / "bin"
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def _installer(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> Iterator[Mapping[str, str]]:
+    """The environment with uv in its path, gone afterwards; without, if uv cannot be had or knows not what pip is told."""
+    folder = layout.state / INSTALLER
+    shutil.rmtree(folder, ignore_errors=True)
+    try:
+        if shutil.which(INSTALLER, path=environ.get("PATH")) is None and _as_uv(_settings(layout, environ)) is not None:
+            with contextlib.suppress(SetupError):
+                requirements = [r for r in read_lock(layout.lock("base")) if r.name == INSTALLER]
+                _pip(layout, requirements, runner, environ, "--target", str(folder))
+                environ = {**environ, "PATH": f"{folder / 'bin'}{os.pathsep}{environ['PATH']}"}
+        yield environ
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+def _settings(layout: Layout, environ: Mapping[str, str]) -> str:
+    """Pip's own, from its files and variables: lines such as `global.index-url='https://…'`."""
+    command = [layout.venv_python, "-m", "pip", "--disable-pip-version-check", "config", "list"]
+    return subprocess.run(command, env=environ, capture_output=True, text=True, check=False).stdout
+
+
+def _as_uv(settings: str) -> tuple[list[str], dict[str, str]] | None:
+    """Where packages come from, by pip's settings, as options and variables of uv; None: it does not know some of them."""
+    options: list[str] = []
+    variables: dict[str, str] = {}
+    for line in settings.splitlines():
+        key, _, value = line.partition("=")
+        name = key.rpartition(".")[2]
+        if name in _OF_THE_NETWORK:
+            return None
+        if name in _AS_UV_SAYS_IT:
+            options += [word for place in ast.literal_eval(value).split() for word in (_AS_UV_SAYS_IT[name], place)]
+        if name == "cert":
+            variables["SSL_CERT_FILE"] = ast.literal_eval(value)
+    return options, variables
+
+
+def install(layout: Layout, groups: Sequence[str], runner: Runner, environ: Mapping[str, str]) -> None:
+    """Installs groups.
+
+    With the base among them the environment is made from nothing: what an interrupted or older set-up left is removed first. Else
+    only what no group has brought yet is added.
+    """
     environ = _clean(environ)
     progress = runner.progress
-    with progress.step(f"making .venv with Python {sys.version.split()[0]}"):
-        _make(layout, runner, environ)
-    requirements = needed(layout)
-    with progress.step(f"installing {len(requirements)} packages"):
-        _pip(layout, requirements, runner, environ)
-    with progress.step("repairing the CMake files of the ROS wheels"):
-        numpy_include = _ask(layout, "import numpy; print(numpy.get_include())")
-        count = cmake_exports.repair(layout.venv, sysconfig.get_path("include"), numpy_include)
-        progress.result(f"{count} files")
+    there = {} if "base" in groups else _installed(layout)
+    if "base" in groups:
+        with progress.step(f"making .venv with Python {sys.version.split()[0]}"):
+            _make(layout, runner, environ)
+    brought = {r.name: r.version for r in needed(layout, there)}
+    requirements = [r for r in needed(layout, groups) if brought.get(r.name) != r.version]
+    with progress.step(f"installing {len(requirements)} packages{_purpose(groups)}"):
+        with _installer(layout, runner, environ) if "base" in groups else contextlib.nullcontext(environ) as inside:
+            _pip(layout, requirements, runner, inside)
+        progress.result(f"{len(requirements)} packages")
+    if "base" in groups:
+        with progress.step("repairing the CMake files of the ROS wheels"):
+            numpy_include = _ask(layout, "import numpy; print(numpy.get_include())")
+            count = cmake_exports.repair(layout.venv, sysconfig.get_path("include"), numpy_include)
+            slimming.slim(layout.venv)
+            progress.result(f"{count} files")
+    now = there | {group: stamps.packages_stamp(layout, group) for group in groups}
     stamp = _stamp_file(layout)
-    stamp.with_suffix(".new").write_text(stamps.packages_stamp(layout), encoding="utf-8")
+    stamp.with_suffix(".new").write_text("".join(f"{group} {of}\n" for group, of in now.items()), encoding="utf-8")
     stamp.with_suffix(".new").replace(stamp)
+
+
+def _purpose(groups: Sequence[str]) -> str:
+    more = [group for group in groups if group != "base"]
+    return f" for {', '.join(more)}" if more else ""
 
 
 def remove(layout: Layout) -> None:
@@ -85,36 +175,47 @@ def _make(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
     runner.run("making the virtual environment", command, cwd=layout.root, environ=environ)
 
 
-def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, environ: Mapping[str, str]) -> None:
-    """Two runs: first setuptools, which builds the one package that has no wheel. So pip fetches no build tools of its
-    own choice, and nothing is ever run that was not checked against the lock.
+def _pip(layout: Layout, requirements: list[Requirement], runner: Runner, environ: Mapping[str, str], *more: str) -> None:
+    """Two runs: first setuptools, which builds the one package that has no wheel.
+
+    So pip fetches no build tools of its own choice, and nothing is ever run that was not checked against the lock.
 
     The lock is complete, so pip is told to resolve nothing: older pips stumble over a dependency with extras as soon as
-    a release newer than the locked one appears."""
-    command = [str(layout.venv_python), "-m", "pip", "install", "--require-hashes", "--no-deps", "--no-build-isolation"]
-    command += ["--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}"]
-    command += ["--no-input", "--disable-pip-version-check", "--progress-bar=off"]
+    a release newer than the locked one appears.
+    """
+    python = str(layout.venv_python)
+    exactly = ["--require-hashes", "--no-deps", "--no-build-isolation", *more, "-r"]
+    pip = [python, "-m", "pip", "install", "--only-binary=:all:", f"--no-binary={','.join(BUILT_FROM_SOURCE)}", "--no-compile"]
+    pip += ["--no-input", "--disable-pip-version-check", "--progress-bar=off", *exactly]
+    uv = shutil.which(INSTALLER, path=environ.get("PATH"))
+    told = _as_uv(_settings(layout, environ)) if uv else None
     site_packages = Path(sysconfig.get_path("purelib", vars={"base": str(layout.venv)}))
     counter = _Counter(len(requirements), site_packages, runner.progress)
-    build_tools = [r for r in requirements if r.name == "setuptools"]
     with tempfile.TemporaryDirectory() as folder:
-        for name, part in ("build-tools", build_tools), ("all", requirements):
-            file = Path(folder) / f"{name}.txt"
+        for part in [r for r in requirements if r.name == "setuptools"], requirements:
+            file = Path(folder) / f"{len(part)}.txt"
             file.write_text("".join(f"{r.text}\n" for r in part), encoding="utf-8")
-            counter.restart()
+
+            def run(command: list[str], variables: Mapping[str, str], file: Path = file) -> None:
+                counter.restart()
+                now, inside = [*command, str(file)], {**environ, **variables}
+                runner.run("installing packages", now, cwd=layout.root, environ=inside, on_line=counter.line, on_tick=counter.tick)
+
+            if not part:
+                continue
+            if uv and told is not None:
+                with contextlib.suppress(SetupError):  # then pip does it
+                    # From any index, as pip does it; what comes from a stranger's is not what the lock says.
+                    run(
+                        [uv, "pip", "install", "--python", python, "--index-strategy", "unsafe-best-match", *told[0], *exactly],
+                        told[1],
+                    )
+                    continue
             try:
-                runner.run(
-                    "installing packages",
-                    [*command, "-r", str(file)],
-                    cwd=layout.root,
-                    environ=environ,
-                    on_line=counter.line,
-                    on_tick=counter.tick,
-                )
+                run(pip, {})
             except SetupError as error:
                 hint = "If the network failed, run this again; pip's own settings (proxy, index) are respected."
                 raise SetupError(f"{error}\n{hint}") from None
-    runner.progress.result(f"{len(requirements)} packages")
 
 
 class _Counter:

@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """Runs one step's program: output to the log and to a callback, nothing left behind if set-up is interrupted."""
-
-from __future__ import annotations
 
 import os
 import selectors

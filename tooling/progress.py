@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """What a person sees during set-up. Everything goes to stderr, so that a command's own output stays clean."""
-
-from __future__ import annotations
 
 import shutil
 import sys
@@ -26,6 +25,7 @@ class Progress:
 
     @contextmanager
     def step(self, title: str) -> Iterator[None]:
+        """One numbered step, while it is under way."""
         self._step += 1
         self._started = time.monotonic()
         self._shown = self._started

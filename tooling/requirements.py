@@ -1,6 +1,5 @@
-"""Reads requirements.lock: which packages, with which hashes, hold for which Python."""
-
-from __future__ import annotations
+# SPDX-License-Identifier: Apache-2.0
+"""Reads a lock of requirements/: which packages, with which hashes, hold for which Python."""
 
 import operator
 import re
@@ -14,16 +13,16 @@ _COMPARISONS: dict[str, Callable[[tuple[int, ...], tuple[int, ...]], bool]] = {
     "<=": operator.le,
     ">": operator.gt,
     ">=": operator.ge,
+    "==": operator.eq,
 }
-_PYTHON = re.compile(r"python(?:_full)?_version (<=|>=|<|>) '([\d.]+)'")
-_FIXED = {
-    "sys_platform == 'win32'": False,
-    "platform_python_implementation != 'PyPy'": True,
-}
+_PYTHON = re.compile(r"python(?:_full)?_version (<=|>=|<|>|==) '([\d.]+?)(?:\.\*)?'")
+_FIXED = {"sys_platform == 'win32'": False, "platform_python_implementation != 'PyPy'": True}
 
 
 @dataclass(frozen=True)
 class Requirement:
+    """One package of the lock."""
+
     name: str
     version: str
     marker: str  # empty: holds everywhere
@@ -31,6 +30,7 @@ class Requirement:
     text: str  # the lines of the lock, verbatim
 
     def holds_for(self, python: tuple[int, int]) -> bool:
+        """Whether the package is wanted by this version of Python."""
         return all(_clause_holds(clause.strip(), python) for clause in self.marker.split(" and ") if clause.strip())
 
 
@@ -39,13 +39,13 @@ def _clause_holds(clause: str, python: tuple[int, int]) -> bool:
         return _FIXED[clause]
     match = _PYTHON.fullmatch(clause)
     if match is None:
-        raise ValueError(f"requirements.lock: unknown marker {clause!r}")
+        raise ValueError(f"lock: unknown marker {clause!r}")
     compare, version = match.groups()
     return _COMPARISONS[compare](python, tuple(int(part) for part in version.split(".")))
 
 
 def read_lock(path: Path) -> list[Requirement]:
-    """The lock's requirements in order. Each is a line `name==version ; marker \\` followed by its hashes."""
+    r"""The lock's requirements in order. Each is a line `name==version ; marker \` followed by its hashes."""
     joined = re.sub(r"\\\n\s*", " ", path.read_text(encoding="utf-8"))
     requirements = []
     for line in joined.splitlines():
@@ -55,7 +55,7 @@ def read_lock(path: Path) -> list[Requirement]:
         head, _, marker = spec.partition(";")
         name, equals, version = head.strip().partition("==")
         if not equals or not hashes:
-            raise ValueError(f"requirements.lock: no exact version or no hash: {line[:80]!r}")
+            raise ValueError(f"{path.name}: no exact version or no hash: {line[:80]!r}")
         sums = tuple(h.strip() for h in hashes)
         text = f"{spec.strip()} " + " ".join(f"--hash={h}" for h in sums)
         requirements.append(Requirement(name, version.strip(), marker.strip(), sums, text))

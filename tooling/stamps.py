@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """What set-up's results depend on, as short hashes: the same stamp means nothing has to be done."""
-
-from __future__ import annotations
 
 import hashlib
 import os
@@ -23,14 +22,14 @@ def python_identity() -> str:
     return f"{sys.implementation.cache_tag} {sys.base_prefix}"
 
 
-def packages_stamp(layout: Layout) -> str:
-    """Changes with the lock, the interpreter, and the checkout's place (scripts in .venv hold absolute paths)."""
-    return _digest([layout.lock.read_bytes(), python_identity().encode(), str(layout.root).encode()])
+def packages_stamp(layout: Layout, group: str) -> str:
+    """Changes with the group's lock, the interpreter, and the checkout's place (scripts in .venv hold absolute paths)."""
+    return _digest([layout.lock(group).read_bytes(), python_identity().encode(), str(layout.root).encode()])
 
 
 def workspace_stamp(layout: Layout) -> str:
     """Changes with everything that a colcon build reads once and then keeps."""
-    parts = [packages_stamp(layout).encode()]
+    parts = [packages_stamp(layout, "base").encode()]
     for package in package_folders(layout):
         for path in _build_inputs(package):
             parts.append(str(path.relative_to(package.parent)).encode())
@@ -40,6 +39,7 @@ def workspace_stamp(layout: Layout) -> str:
 
 
 def package_folders(layout: Layout) -> list[Path]:
+    """Folders of the workspace's packages."""
     return sorted(path.parent for path in layout.sources.glob("*/package.xml"))
 
 

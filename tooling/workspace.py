@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """Builds ros_ws with colcon, and keeps what its set-up script would export."""
-
-from __future__ import annotations
 
 import json
 import os
@@ -9,7 +8,7 @@ import subprocess
 from collections.abc import Mapping
 from typing import Any
 
-from tooling import environment, stamps
+from tooling import environment, packages, stamps
 from tooling.layout import Layout, SetupError
 from tooling.process import Runner
 from tooling.progress import Progress
@@ -28,10 +27,12 @@ def _record(layout: Layout) -> dict[str, Any]:
 
 
 def made_by_us(layout: Layout) -> bool:
+    """Whether set-up made what is installed."""
     return (layout.install / _RECORD).exists()
 
 
 def ready(layout: Layout) -> bool:
+    """Whether the workspace is built from these sources."""
     return _record(layout).get("stamp") == stamps.workspace_stamp(layout)
 
 
@@ -41,24 +42,23 @@ def paths(layout: Layout) -> environment.Paths:
 
 
 def build(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
-    packages = [folder.name for folder in stamps.package_folders(layout)]
-    with runner.progress.step(f"building ros_ws ({len(packages)} packages)"):
-        base = {"packages": packages, "base": stamps.packages_stamp(layout)}
+    """Build the workspace with colcon."""
+    names = [folder.name for folder in stamps.package_folders(layout)]
+    with runner.progress.step(f"building ros_ws ({len(names)} packages)"):
+        base = {"packages": names, "base": stamps.packages_stamp(layout, "base")}
         _clear_if_outdated(layout, base)
         _write(layout, {**base, "stamp": None})
-        counter = _Counter(len(packages), runner.progress)
-        runner.run(
-            "building ros_ws",
-            _command(layout),
-            cwd=layout.workspace,
-            environ=environment.applied(environ, environment.underlay(environ, layout)),
-            on_line=counter.line,
-        )
+        counter = _Counter(len(names), runner.progress)
+        with packages.build_tools(layout, runner, environ) as tools:
+            inside = environment.applied(environ, environment.underlay(environ, layout))
+            inside["PATH"] = f"{tools}{os.pathsep}{inside['PATH']}"
+            runner.run("building ros_ws", _command(layout), cwd=layout.workspace, environ=inside, on_line=counter.line)
         _write(layout, {**base, "stamp": stamps.workspace_stamp(layout), "paths": _sourced(layout)})
-        runner.progress.result(f"{len(packages)} packages")
+        runner.progress.result(f"{len(names)} packages")
 
 
 def remove(layout: Layout) -> None:
+    """Remove what was built."""
     for name in ("build", "log", "install"):  # install last: it holds the record that says they are ours
         shutil.rmtree(layout.workspace / name, ignore_errors=True)
 
@@ -77,6 +77,7 @@ def _command(layout: Layout) -> list[str]:
         "--event-handlers=console_cohesion+",
         "--cmake-args",
         "-DBUILD_TESTING=OFF",
+        "-DPYTHON_ONLY=ON",
         # Otherwise CMake may prefer another, newer Python that it finds on the machine.
         f"-DPython3_EXECUTABLE={python}",
     ]

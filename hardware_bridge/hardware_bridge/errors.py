@@ -1,9 +1,8 @@
+# SPDX-License-Identifier: Apache-2.0
 """Everything that can be refused or go wrong here: one line that says what was got, what is valid, what to do.
 
-Every error carries its data as attributes, so that callers need not parse messages.
+What a caller may want to know beside the text is an attribute.
 """
-
-from __future__ import annotations
 
 import math
 from typing import Any
@@ -24,15 +23,16 @@ def _same(kind: type[BridgeError], args: tuple[Any, ...], data: dict[str, Any]) 
     return error
 
 
-# ---- bytes ----------------------------------------------------------------------------------------------------------
+class ParameterError(BridgeError):
+    """A value outside its range."""
+
+    def __init__(self, name: str, value: object, valid: str) -> None:
+        self.name, self.value = name, value
+        super().__init__(f"{name} is {value}, valid is {valid}")
 
 
-class CodecError(BridgeError):
+class CodecError(ParameterError):
     """A value that a board's protocol cannot carry."""
-
-    def __init__(self, field: str, value: object, valid: str) -> None:
-        self.field, self.value, self.valid = field, value, valid
-        super().__init__(f"{field} is {value}, valid is {valid}")
 
 
 # ---- port -----------------------------------------------------------------------------------------------------------
@@ -59,7 +59,7 @@ class PortWrongKind(TransportError):
 
 
 class LinkLost(TransportError):
-    """A read or write on the open port failed. ``dirty``: part of a frame may have reached the board."""
+    """A read or write on the open port failed. `dirty`: part of a frame may have reached the board."""
 
     def __init__(self, port: str, problem: str, remedy: str, dirty: bool = False) -> None:
         self.dirty = dirty
@@ -70,7 +70,6 @@ class TimeScaleError(BridgeError):
     """The time scale does not fit the port."""
 
     def __init__(self, port: str, time_scale: float, problem: str) -> None:
-        self.port, self.time_scale = port, time_scale
         super().__init__(f"time scale {time_scale:g} with port {port}: {problem}")
 
 
@@ -78,28 +77,19 @@ class TimeScaleError(BridgeError):
 
 
 class CalibrationError(BridgeError):
-    """A calibration that must not drive a robot. ``strut`` (``S1``…) and ``line`` (from 1) where they are known."""
+    """A calibration that must not drive a robot. `strut` (`S1`…) and `line` (from 1) where they are known."""
 
     def __init__(self, source: str, problem: str, strut: str | None = None, line: int | None = None) -> None:
-        self.source, self.problem, self.strut, self.line = source, problem, strut, line
+        self.problem, self.strut, self.line = problem, strut, line
         where = source if line is None else f"{source}, line {line}"
         who = "" if strut is None else f"{strut}: "
         super().__init__(f"calibration {where}: {who}{problem}")
 
 
-class ParameterError(BridgeError):
-    """A parameter outside its range."""
-
-    def __init__(self, name: str, value: object, valid: str) -> None:
-        self.name, self.value, self.valid = name, value, valid
-        super().__init__(f"{name} is {value}, valid is {valid}")
-
-
 class StateFileError(BridgeError):
     """What must outlive the bridge cannot be kept: without the last pulses the next homing would be blind."""
 
-    def __init__(self, path: str, problem: str, what: str = "the last pulses") -> None:
-        self.path, self.problem, self.what = path, problem, what
+    def __init__(self, path: str, problem: str, what: str) -> None:
         super().__init__(f"cannot keep {what} in {path}: {problem}; make the folder writable or free space")
 
 
@@ -107,7 +97,6 @@ class BoardMismatch(BridgeError):
     """The board asked for is not the one that a calibration or a virtual prototype names."""
 
     def __init__(self, wanted: str, found: str, where: str) -> None:
-        self.wanted, self.found, self.where = wanted, found, where
         super().__init__(f"board is {wanted}, but {where} is for {found}; set the board to {found}, or use another one")
 
 
@@ -131,13 +120,12 @@ class WrongPrototype(Refused):
     """Arming was asked for another virtual prototype than the one behind the port, if there is one there."""
 
     def __init__(self, wanted: str, port: str, there: str) -> None:
-        self.wanted, self.port, self.there = wanted, port, there
         found = f"drives virtual prototype {there}" if there else "is at a real port"
         super().__init__(f"virtual prototype {wanted} was to be armed, but this bridge {found} ({port}): nothing is armed")
 
 
 class LimitError(Refused):
-    """A strut outside a limit. ``value`` and ``limit`` are in ``unit``."""
+    """A strut outside a limit. `value` and `limit` are in `unit`."""
 
     def __init__(self, strut: str, quantity: str, value: float, limit: float, unit: str, where: str = "") -> None:
         self.strut, self.quantity, self.value, self.limit, self.unit = strut, quantity, value, limit, unit
@@ -155,14 +143,13 @@ class ShapeError(Refused):
 
 
 class DutyError(Refused):
-    """A strut that has run too long of late; times in [s] of robot time. ``wait_s`` None: waiting does not help.
+    """A strut that has run too long of late; times in [s] of robot time. `wait_s` None: waiting does not help.
 
-    ``used_s`` is infinite where nobody knows how long it has run.
+    `used_s` is infinite where nobody knows how long it has run.
     """
 
     def __init__(self, strut: str, used_s: float, needed_s: float, limit_s: float, window_s: float, wait_s: float | None) -> None:
-        self.strut, self.used_s, self.needed_s = strut, used_s, needed_s
-        self.limit_s, self.window_s, self.wait_s = limit_s, window_s, wait_s
+        self.strut, self.wait_s = strut, wait_s
         remedy = "make the motion shorter" if wait_s is None else f"wait {wait_s:.0f} s of robot time"
         if math.isinf(used_s):
             for_s = window_s if wait_s is None else wait_s
@@ -181,7 +168,6 @@ class SupplyError(Refused):
     """The servo supply is too low to begin a motion that loads the struts; in [V]."""
 
     def __init__(self, supply_v: float, limit_v: float) -> None:
-        self.supply_v, self.limit_v = supply_v, limit_v
         super().__init__(
             f"servo supply is {supply_v:.2f} V, the limit is {limit_v:g} V; charge it; the way back to mid stroke is open"
         )
@@ -206,23 +192,21 @@ class StaleError(Refused):
     """A command stamped too long ago, or in the future. What was judged meanwhile is remembered: again, it goes quickly."""
 
     def __init__(self, age_s: float, limit_s: float) -> None:
-        self.age_s, self.limit_s = age_s, limit_s
+        self.age_s = age_s
         super().__init__(f"command is {age_s:.3g} s old, valid is within {limit_s:g} s; check clocks, {SEND_AGAIN}")
 
 
 class StateError(Refused):
-    """Not in this state. ``mode`` is the supervisor's state."""
+    """Not in this state."""
 
     def __init__(self, command: str, mode: str, remedy: str) -> None:
-        self.command, self.mode, self.remedy = command, mode, remedy
         super().__init__(f"{command} refused in state {mode}: {remedy}")
 
 
 class FaultLatched(StateError):
-    """A fault is latched; ``reason`` says which."""
+    """A fault is latched."""
 
     def __init__(self, command: str, reason: str) -> None:
-        self.reason = reason
         super().__init__(command, "FAULT", f"{reason}; remove the cause, then call reset")
 
 
@@ -238,7 +222,6 @@ class BoardSilent(Refused):
     """The board has never answered since the port was opened: who knows whether one is there."""
 
     def __init__(self, port: str, board: str, why: str, word: str) -> None:
-        self.port, self.board = port, board
         super().__init__(f"the board ({board}) has never answered on {port}: {why}; if it cannot answer, {word}")
 
 
@@ -256,7 +239,7 @@ class RecorderError(BridgeError):
     """The log cannot be written, finished or verified."""
 
     def __init__(self, path: str, problem: str) -> None:
-        self.path, self.problem = path, problem
+        self.problem = problem
         super().__init__(f"log {path}: {problem}")
 
 
@@ -264,7 +247,6 @@ class SchemaError(BridgeError):
     """A message type that is not installed."""
 
     def __init__(self, type_name: str, searched: list[str]) -> None:
-        self.type_name, self.searched = type_name, searched
         where = f" below {', '.join(searched)}" if searched else ""
         super().__init__(f"message type {type_name} not found{where}; name it package/msg/Name, source its workspace")
 
@@ -277,5 +259,5 @@ class PrototypeError(BridgeError):
     """The virtual prototype cannot start."""
 
     def __init__(self, link: str, problem: str) -> None:
-        self.link, self.problem = link, problem
+        self.problem = problem
         super().__init__(f"virtual prototype {link}: {problem}")

@@ -1,8 +1,9 @@
+# SPDX-License-Identifier: Apache-2.0
 """Errors of the robot model. Each says what was got, what is valid and what to do."""
 
-from __future__ import annotations
-
 import reprlib
+
+from sim_core.printable import printable
 
 
 class SimError(Exception):
@@ -14,13 +15,7 @@ _SHORT = reprlib.Repr(maxlevel=2, maxdict=4, maxlist=6, maxtuple=6, maxstring=60
 
 def brief(value: object) -> str:
     """A value for an error text, however large it is and whatever is in it."""
-    return one_line(_SHORT.repr(value))
-
-
-def one_line(text: str, most: int = 80) -> str:
-    """Text for an error text: one short line without control characters."""
-    shown = "".join(character if character.isprintable() else "?" for character in " ".join(text[: 4 * most].split()))
-    return shown if len(shown) <= most else shown[: most - 1] + "…"
+    return printable(_SHORT.repr(value), 80)
 
 
 class FileError(SimError):
@@ -29,7 +24,7 @@ class FileError(SimError):
     kind = "cannot be used"
 
     def __init__(self, where: str, problem: str, remedy: str, line: int | None = None):
-        self.where, self.problem, self.remedy, self.line = where, one_line(problem, 160), remedy, line
+        self.where, self.problem, self.remedy, self.line = where, printable(problem, 160), remedy, line
         at = "" if line is None else f" at line {line}"
         super().__init__(f"{where} {self.kind}{at}: {self.problem}; {remedy}")
 
@@ -85,3 +80,11 @@ class DivergedError(SimError):
 
 class LibraryError(SimError):
     """A primitive library that cannot be read, or belongs to another model."""
+
+
+class RollRefused(SimError):
+    """A roll that is not begun, or given up: one line that says why and what to do."""
+
+
+class ClusterError(SimError):
+    """A cluster that does not answer, has no workers, or whose workers cannot do the work."""

@@ -1,5 +1,4 @@
-from __future__ import annotations
-
+# SPDX-License-Identifier: Apache-2.0
 import contextlib
 import threading
 from collections.abc import Callable, Iterator
@@ -8,13 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from hardware_bridge.bridge import Bridge
-from hardware_bridge.calibration import Calibration, load_calibration
-from hardware_bridge.checks import Rules
-from hardware_bridge.limits import Pacing
-from hardware_bridge.virtual_prototype.board import EmulatedBoard
-from hardware_bridge.virtual_prototype.boards import emulate
-from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
+from hardware_bridge.calibration.calibration_file import load_calibration
+from hardware_bridge.calibration.pulse_map import Calibration
+from hardware_bridge.driver.bridge import Bridge
+from hardware_bridge.safety.limit_checks import Rules
+from hardware_bridge.safety.limits import Pacing
+from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoard
+from hardware_bridge.virtual_prototype.boards.registry import emulate
+from hardware_bridge.virtual_prototype.main_loop import VirtualPrototype
 from tests.hardware_bridge.helpers import StillBody, Wire
 
 

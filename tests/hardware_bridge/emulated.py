@@ -1,26 +1,25 @@
+# SPDX-License-Identifier: Apache-2.0
 """Boards as exact straight lines, driven by the real engine on a clock that the test sets.
 
 Written anew, with nothing of the virtual prototype or of the bridge's own account of its board: what a servo is told at every
 instant, from the bytes alone.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from hardware_bridge.checks import Rules
-from hardware_bridge.codecs import lsc, maestro, ssc32
-from hardware_bridge.codecs.registry import parse_board
-from hardware_bridge.duty import Duty
-from hardware_bridge.engine import Engine
+from hardware_bridge.boards import lsc, maestro, ssc32
+from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.driver.engine import Engine
+from hardware_bridge.driver.events import Callbacks, SentEvent
+from hardware_bridge.driver.motion_handle import MotionHandle
 from hardware_bridge.errors import Refused
-from hardware_bridge.events import Callbacks, SentEvent
-from hardware_bridge.link import Link
-from hardware_bridge.motion import MotionHandle
-from hardware_bridge.protocol import Arm, Execute, Hold, Mode, Now, Prove, Stop
-from hardware_bridge.trajectory import Trajectory
+from hardware_bridge.link.board_link import Link
+from hardware_bridge.safety.duty_cycle import Duty
+from hardware_bridge.safety.limit_checks import Rules
+from hardware_bridge.safety.supervisor_messages import Arm, Execute, Hold, Mode, Now, Prove, Stop
+from hardware_bridge.safety.trajectory import Trajectory
 from tests.hardware_bridge.helpers import MID
 
 
@@ -37,7 +36,7 @@ class Servo:
         return float(np.interp(time_s, times, pulses))
 
     def turn(self, time_s: float, pulse_us: float, end_s: float) -> None:
-        """From where it is at ``time_s``, whatever was said before, straight to a pulse."""
+        """From where it is at `time_s`, whatever was said before, straight to a pulse."""
         if not self.corners:
             self.corners = [(time_s, pulse_us)]  # the first order jumps
         here = self.at(time_s)
@@ -62,10 +61,10 @@ class Lines:
         self.broken = False
 
     def open(self) -> None:
-        """See ``SerialTransport``."""
+        """See `SerialTransport`."""
 
     def close(self) -> None:
-        """See ``SerialTransport``."""
+        """See `SerialTransport`."""
 
     def read_available(self) -> bytes:
         """It never answers."""
@@ -169,7 +168,7 @@ class SetClock:
 
 
 class Rig:
-    """The real engine, supervisor, gate, link and codec on ``Lines``; time passes when the test says so."""
+    """The real engine, supervisor, gate, link and codec on `Lines`; time passes when the test says so."""
 
     def __init__(self, spec: str, rules: Rules, baud: int = 0) -> None:
         self.rules = rules
@@ -180,12 +179,12 @@ class Rig:
         self.engine = Engine("lines", rules, board, self.link, Callbacks(on_sent=self.sent.append))
         self.link.open()
         self.kept = Kept()
-        self.engine.begin(1.0, self.kept, True)  # type: ignore[arg-type]
+        self.engine.begin(1.0, self.kept)  # type: ignore[arg-type]
         self.engine.clock = SetClock(lines)  # type: ignore[assignment]
         self.motions = 0
 
     def tick(self, after_s: float) -> None:
-        """The frame loop comes, ``after_s`` later."""
+        """The frame loop comes, `after_s` later."""
         self.lines.now_s += after_s
         lease = self.engine.state.lease
         if lease is not None:

@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """What several tests of the bridge share."""
-
-from __future__ import annotations
 
 import contextlib
 import os
@@ -11,8 +10,9 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from hardware_bridge.codecs.lsc import CMD_BATTERY, Frame, FrameDecoder, Move, decode_move, encode_battery_reply
-from hardware_bridge.observation import Observation
+from hardware_bridge.boards.lsc import CMD_BATTERY, Frame, FrameDecoder, Move, decode_move, encode_battery_reply
+from hardware_bridge.link.transport import SerialTransport
+from hardware_bridge.prototype_client.observation import Observation
 
 MID_M = 0.234
 MID = (MID_M,) * 6
@@ -20,12 +20,20 @@ LIMIT_S = 20.0
 
 
 def wait_for(condition: Callable[[], bool], what: str, limit_s: float = LIMIT_S) -> None:
-    """Waits until ``condition`` holds; fails, saying ``what``, after the limit."""
+    """Waits until `condition` holds; fails, saying `what`, after the limit."""
     deadline = time.monotonic() + limit_s
     pause = threading.Event()
     while not condition():
         assert time.monotonic() < deadline, f"waited {limit_s} s in vain for {what}"
         pause.wait(0.002)
+
+
+def read_exactly(transport: SerialTransport, count: int, limit_s: float = LIMIT_S) -> bytes:
+    """`count` bytes, or what has come when the limit is over."""
+    data, deadline = b"", time.monotonic() + limit_s
+    while len(data) < count and time.monotonic() < deadline:
+        data += transport.read_available(count - len(data))
+    return data
 
 
 class Wire:
@@ -77,7 +85,7 @@ class Wire:
 
 @contextlib.contextmanager
 def attended(answers: bool) -> Iterator[Wire]:
-    """A wire whose far end is attended to while the block lasts; ``answers`` can be changed meanwhile."""
+    """A wire whose far end is attended to while the block lasts; `answers` can be changed meanwhile."""
     wire, ended = Wire(answers), threading.Event()
 
     def live() -> None:

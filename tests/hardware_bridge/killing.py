@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """A recorder in a process of its own, killed at some moment, and what is left of its log."""
-
-from __future__ import annotations
 
 import os
 import random
@@ -15,12 +14,12 @@ from typing import NamedTuple
 from mcap.reader import make_reader
 from rosbags.rosbag2 import Reader
 
-from hardware_bridge.journal import finish_journal
+from hardware_bridge.recording.journal import finish_journal
 
 _WRITER = """
 import sys, threading
 from pathlib import Path
-from hardware_bridge.recorder import Recorder
+from hardware_bridge.recording.recorder import Recorder
 log = Recorder(Path(sys.argv[1]), lambda name: "string data\\n")
 number = 0
 pause = threading.Event()
@@ -42,7 +41,7 @@ class Left(NamedTuple):
 
 
 def kill_while_writing(folder: Path, seed: int) -> Left:
-    """Starts a recorder, kills it with SIGKILL after a number of acknowledged messages that ``seed`` draws, recovers its log."""
+    """Starts a recorder, kills it with SIGKILL after a number of acknowledged messages that `seed` draws, recovers its log."""
     path = folder / f"{seed}.mcap"
     enough = random.Random(seed).randrange(1, 4000)
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(each for each in sys.path if each)}

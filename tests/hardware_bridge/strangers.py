@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """Other people on the same machine, for tests that only root can make: processes of a user who is not us."""
-
-from __future__ import annotations
 
 import os
 import shutil

@@ -1,9 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
 from dataclasses import replace
 
 import pytest
 
-from sim_core.model import build_model
-from sim_core.parameters import load_prototype
+from sim_core.dynamics.model import build_model
+from sim_core.structure.parameters import load_prototype
 
 
 @pytest.fixture(scope="session")

@@ -1,12 +1,18 @@
+# SPDX-License-Identifier: Apache-2.0
 """The commands as a user types them, in a process of their own where exit codes and streams matter."""
 
 import json
+import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
+from sixstrut_cli import app
 from sixstrut_cli.registry import entries
+
+ROOT = Path(__file__).parents[2]
 
 
 def sixstrut(*words, limit_s=60):
@@ -49,6 +55,15 @@ def test_a_route_names_every_roll_with_its_gait_and_odds():
     assert "TC6 → " in sixstrut("route", "TC6", "TC1").stdout
 
 
+@pytest.mark.parametrize("place", [("-0.2,0.1",), ("-0.2", "0.1")])
+def test_a_place_may_be_anywhere_on_the_floor(place):
+    result = sixstrut("route", "TC6", *place, "--reach", "0.2", "--json")
+    assert result.returncode == 0, result.stderr
+    x, y = json.loads(result.stdout)["places_m"][-1]
+    assert (x + 0.2) ** 2 + (y - 0.1) ** 2 < 0.2**2
+
+
+@pytest.mark.slow
 def test_a_search_that_was_interrupted_is_gone_on_with_and_leaves_no_state(tmp_path):
     path = tmp_path / "few.yaml"
     words = ("search", "--class", "TO5-TC6", "--keep", "2", "--generations", "2", "-o", str(path), "--json")
@@ -77,7 +92,8 @@ def test_a_roll_that_does_not_work_exits_4_and_says_why():
         (("roll", "--policy", "0 0 0 0 0 60"), 1, "S6 = 60 mm: valid is a whole number of mm in [-45, 45]"),
         (("roll", "--policy", "a b"), 2, "valid are six whole numbers"),
         (("roll", "--primitive", "P99"), 1, "no primitive 'P99'"),
-        (("roll", "--library", "nowhere"), 1, "shipped are: improved, previous, robust"),
+        (("roll", "--library", "nowhere"), 1, "no library is called 'nowhere'; shipped are: improved, previous, robust"),
+        (("roll", "--library", "/nowhere.yaml"), 1, "cannot read library /nowhere.yaml: No such file"),
         (("roll", "--perturbation", "0.9"), 1, "perturbation scale 0.9"),
         (("parameters", "--prototype", "/nowhere.yaml"), 1, "/nowhere.yaml: No such file"),
         (("robustness", "nowhere"), 1, "shipped are: improved, previous, robust"),
@@ -95,19 +111,26 @@ def test_a_roll_that_does_not_work_exits_4_and_says_why():
         (("demo", "--rolls", "0"), 2, "--rolls"),
         (("travel",), 2, "give a place such as 0.6,0.3"),
         (("travel", "there"), 2, "valid is a face such as TC1, or a place"),
-        (("travel", "1,0", "--from-face", "TX"), 1, "unknown face 'TX'"),
+        (("travel", "1", "2", "3"), 2, "'1,2,3': valid is a face such as TC1, or a place"),
+        (("travel", "-1,0", "--from-face", "TX"), 1, "unknown face 'TX'"),
         (("console", "--token", "a&b"), 1, "every user of this machine sees --token: choose another secret"),
         (("fly",), 2, "fly"),
     ],
 )
-def test_bad_input_is_one_line_that_says_what_is_valid(words, code, message):
-    result = sixstrut(*words)
-    assert result.returncode == code, result.stderr
-    said = " ".join(result.stderr.replace("│", " ").split())
-    assert message in said
-    assert "Traceback" not in result.stderr
+def test_bad_input_is_one_line_that_says_what_is_valid(words, code, message, capsys):
+    assert app.run(list(words)) == code
+    said = capsys.readouterr().err
+    assert message in " ".join(said.split())
+    assert "Traceback" not in said
     if code == 1:
-        assert len(result.stderr.strip().splitlines()) == 1
+        assert len(said.strip().splitlines()) == 1
+
+
+@pytest.mark.parametrize(("words", "code"), [(("roll", "--from", "TC9"), 1), (("fly",), 2)])
+def test_a_shell_hears_the_exit_code_and_one_line(words, code):
+    result = sixstrut(*words)
+    assert (result.returncode, result.stdout) == (code, "")
+    assert len(result.stderr.strip().splitlines()) == 1
 
 
 def test_a_robustness_study_writes_json_tables_and_picture(tmp_path):
@@ -125,16 +148,101 @@ def test_a_robustness_study_writes_json_tables_and_picture(tmp_path):
     assert len((tmp_path / "csv" / "trials.csv").read_text().splitlines()) == 25
 
 
+BEFORE_ANYTHING_IS_LOADED = """
+import contextlib, io, json, sys
+sys.modules |= dict.fromkeys(("numpy", "sim_core", "rclpy", "rich", "tensegrity_lab", "tensegrity_console"))
+from sixstrut_cli import app
+
+class Terminal(io.StringIO):
+    isatty = lambda self: True
+
+told = {}
+for line in sys.argv[1:]:
+    with contextlib.redirect_stderr(Terminal()) as said, contextlib.redirect_stdout(io.StringIO()):
+        app.run(line.split())
+    told[line] = said.getvalue().splitlines()
+print(json.dumps(told))
+"""
+SLOW = (
+    "demo", "console", "foxglove", "roll", "replay x.mcap", "doctor", "rehearse", "route TC6 TC1", "robustness robust", "climb",
+    "search", "recheck x.yaml", "calibrate-model", "travel 0.3,0.2", "play x.mcap", "report", "odds", "fit", "campaign", "validate",
+    "bench", "faults",
+)  # fmt: skip
+
+
+def test_a_command_that_loads_or_computes_says_first_what_it_does(tmp_path):
+    environ = {**os.environ, "SIXSTRUT_ROOT": str(ROOT)}
+    command = [sys.executable, "-c", BEFORE_ANYTHING_IS_LOADED, *SLOW]
+    told = json.loads(subprocess.run(command, cwd=tmp_path, env=environ, capture_output=True, text=True, check=True).stdout)
+    for line, (first, *_, last) in told.items():
+        assert not first.startswith("error:"), line
+        assert last.startswith("error: ModuleNotFoundError"), (line, last)
+
+
 def test_commands_accept_the_perturbations_that_the_model_does():
-    from sim_core.perturbation import MAX_SCALE
-    from sixstrut_cli.commands.options import MOST_PERTURBATION
+    from sim_core.uncertainty.distribution import MAX_SCALE
+    from sixstrut_cli.options import MOST_PERTURBATION
 
     assert MOST_PERTURBATION == MAX_SCALE
 
 
-def test_help_of_every_command_shows_an_example():
-    for entry in entries():
-        if entry.module is not None:
-            result = sixstrut(entry.name, "--help")
-            assert result.returncode == 0
-            assert f"sixstrut {entry.name}" in result.stdout
+@pytest.mark.parametrize("name", [entry.name for entry in entries() if entry.module is not None])
+def test_help_of_a_command_shows_an_example(name, capsys):
+    assert app.run([name, "--help"]) == 0
+    assert f"sixstrut {name}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("columns", ["60", "120"])
+def test_help_tells_defaults_in_words_at_any_width(columns, monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", columns)
+    assert app.run(["docs", "--help"]) == 0
+    assert "default: out/site" in " ".join(capsys.readouterr().out.replace("│", " ").split())
+
+
+@pytest.fixture
+def library(tmp_path):
+    """A primitive library that nobody wants to lose."""
+    path = tmp_path / "mine.yaml"
+    path.write_text("schema: 1\nprimitives:\n- {name: A, class: TO5-TC6, policy_mm: [36, 7, -30, -23, -34, 14]}\n")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("words", "wanted"),
+    [
+        (("calibrate-model", "-o"), "a prototype"),
+        (("calibrate", "--virtual"), "a calibration"),
+        (("robustness", "robust", "--odds"), "gaits' success counts"),
+        (("fit", "nowhere", "--ensemble"), "an ensemble"),
+        (("climb", "-o"), "climb limits"),
+    ],
+)
+def test_a_file_of_another_kind_is_never_overwritten_and_found_before_any_work(library, words, wanted, capsys):
+    before = library.read_bytes()
+    assert app.run([*words, str(library)]) == 2
+    said = "".join(capsys.readouterr().err.split())
+    assert "".join(f"exists and is a primitive library, not {wanted}: it is left as it is".split()) in said
+    assert library.read_bytes() == before
+
+
+def test_a_picture_is_not_written_over_a_file_that_is_none(library, capsys):
+    assert app.run(["roll", "--picture", str(library)]) == 2
+    assert "validendsare.png,.svg,.pdf" in "".join(capsys.readouterr().err.split())
+
+
+def test_the_kinds_of_files_are_told_apart():
+    from importlib.resources import files
+
+    from sixstrut_cli.outputs import KINDS, kind_of
+
+    shipped = {
+        "libraries/robust.yaml": "primitive library",
+        "prototype.yaml": "prototype",
+        "odds/robust.yaml": "gaits' success counts",
+        "climbs/robust.yaml": "climb limits",
+        "actuators.yaml": "actuator file",
+    }
+    for name, kind in shipped.items():
+        assert kind_of(files("sim_core") / "data" / name) == kind
+    assert kind_of(files("hardware_bridge") / "data" / "calibration_default.yaml") == "calibration"
+    assert set(shipped.values()) | {"calibration", "ensemble"} == set(KINDS)

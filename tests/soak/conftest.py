@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """Long tests, for `./sixstrut test --soak` only: each gives figures, which are printed at the end."""
-
-from __future__ import annotations
 
 from collections.abc import Callable
 
@@ -33,10 +32,10 @@ def lab():
     """A stack of this module's own, in a ROS domain of its own."""
     from pathlib import Path
 
-    from sixstrut_cli.domain import free_domain
-    from sixstrut_cli.faults.lab import Lab, scratch
+    from tensegrity_lab.stack.ros_domain import free_domain
+    from tests.failures.rig import Rig, scratch
 
     with free_domain() as domain, scratch() as folder:
-        lab = Lab(Path(folder), domain)
+        lab = Rig(Path(folder), domain)
         yield lab
         lab.close()

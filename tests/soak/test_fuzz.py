@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """A million byte sequences through everything that decodes bytes, and through the transport on a real pty."""
-
-from __future__ import annotations
 
 import os
 import random
@@ -9,15 +8,15 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from hardware_bridge.codecs.lsc import FrameDecoder, decode_move, decode_unload
-from hardware_bridge.codecs.registry import parse_board
-from hardware_bridge.codecs.ssc32 import LineDecoder
+from hardware_bridge.boards.lsc import FrameDecoder, decode_move, decode_unload
+from hardware_bridge.boards.registry import parse_board
+from hardware_bridge.boards.ssc32 import LineDecoder
 from hardware_bridge.errors import BridgeError, LinkLost, ObserverError
-from hardware_bridge.fault_injection import check_fault
-from hardware_bridge.link import Link
-from hardware_bridge.observation import decode_observation
-from hardware_bridge.transport import SerialTransport
-from hardware_bridge.virtual_prototype.boards import emulate
+from hardware_bridge.link.board_link import Link
+from hardware_bridge.link.transport import SerialTransport
+from hardware_bridge.prototype_client.fault_client import check_fault
+from hardware_bridge.prototype_client.observation import decode_observation
+from hardware_bridge.virtual_prototype.boards.registry import emulate
 from tests.hardware_bridge.helpers import Wire
 
 pytestmark = [pytest.mark.soak, pytest.mark.timeout(1800)]

@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """An hour of robot time, rolls one after the other, with faults at random: nothing leaks, every roll is accounted for."""
-
-from __future__ import annotations
 
 import os
 import random
@@ -10,14 +9,15 @@ from pathlib import Path
 
 import pytest
 
-from hardware_bridge.bag_reader import read_session
-from hardware_bridge.fault_injection import FROM_BOARD, TO_BOARD
-from sim_core.structure import NEIGHBOURS
-from sixstrut_cli.faults.lab import Lab, Setup
-from sixstrut_cli.faults.processes import wait_until
-from sixstrut_cli.faults.scenario import shape_of
+from hardware_bridge.prototype_client.fault_client import FROM_BOARD, TO_BOARD
+from hardware_bridge.recording.bag_reader import read_session
+from sim_core.structure.topology import NEIGHBOURS
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
+from tensegrity_lab.errors import StackError
+from tensegrity_lab.stack.processes import wait_until
+from tests.failures.documented import shape_of
+from tests.failures.rig import Rig, Setup
 
 pytestmark = [pytest.mark.soak, pytest.mark.ros, pytest.mark.timeout(3600)]
 
@@ -56,7 +56,7 @@ def cost(pid: int) -> dict[str, float]:
     }
 
 
-def recovered(lab: Lab) -> bool:
+def recovered(lab: Rig) -> bool:
     """No fault, no lease, then armed; whether that went well."""
     operator = lab.operator
     lab.fault("clear")
@@ -65,20 +65,20 @@ def recovered(lab: Lab) -> bool:
         return False
     try:
         operator.arm()
-    except AssertionError:
+    except StackError:
         return False
     return True
 
 
-def one_roll(lab: Lab, rng: random.Random, outcomes: Counter[str]) -> None:
+def one_roll(lab: Rig, rng: random.Random, outcomes: Counter[str]) -> None:
     """A roll, in one of three cases with a fault meanwhile; counts how it ended."""
     operator = lab.operator
     armed = operator.bridge.state == BridgeState.ARMED and bool(operator.bridge.lease_holder)
     if not armed and not recovered(lab):
         outcomes["not armed this time"] += 1
         return
-    wait_until(lambda: operator.face.settled or operator.bridge.state == BridgeState.FAULT, 60.0, "rest")
-    face = operator.face.face or "TC6"
+    wait_until(lambda: operator.observed.settled or operator.bridge.state == BridgeState.FAULT, 60.0, "rest")
+    face = operator.observed.face or "TC6"
     outcomes["asked"] += 1
     goal = operator.begin_roll(rng.choice(NEIGHBOURS[face]))
     assert goal.accepted

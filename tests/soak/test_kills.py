@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """SIGKILL at random moments: no message that was told as written is lost, and what is recovered reads in order."""
-
-from __future__ import annotations
 
 import pytest
 

@@ -1,11 +1,10 @@
+# SPDX-License-Identifier: Apache-2.0
 """Stop, again and again, while the log is written and a rehearsal loads all cores."""
-
-from __future__ import annotations
 
 import pytest
 
-from sixstrut_cli.faults.lab import STRUTS, percentile
-from sixstrut_cli.faults.rows_command import STOP_LIMIT_MS, rehearsing, stop_times_ms
+from tests.failures.command_failures import STOP_LIMIT_MS, rehearsing, stop_times_ms
+from tests.failures.rig import STRUTS, percentile
 
 pytestmark = [pytest.mark.soak, pytest.mark.ros, pytest.mark.timeout(3600)]
 

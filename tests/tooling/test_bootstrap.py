@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The parts of set-up that decide, on a checkout where nothing is installed."""
 
 import os
@@ -9,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tooling import packages, workspace
+from tooling import bootstrap, packages, stamps, workspace
 from tooling.layout import Layout, SetupError
 from tooling.process import Runner
 from tooling.progress import Progress
@@ -25,7 +26,7 @@ def fresh(tmp_path: Path) -> Path:
     shutil.copytree(ROOT / "tooling", root / "tooling")
     shutil.copytree(ROOT / command_line, root / command_line)
     shutil.copy(ROOT / "sixstrut", root)
-    shutil.copy(ROOT / "requirements.lock", root)
+    shutil.copytree(ROOT / "requirements", root / "requirements")
     return root
 
 
@@ -61,8 +62,27 @@ def test_a_command_that_does_not_exist_is_told_before_anything_is_installed(fres
     result = launch(fresh, "rol")
     assert result.returncode == 2
     assert "no command 'rol'" in result.stderr
-    assert "Did you mean roll?" in result.stderr
+    assert "did you mean roll?" in result.stderr
     assert not installed(fresh)
+
+
+@pytest.mark.parametrize(
+    ("words", "told"), [(("setup", "clusters"), "setup takes nothing but groups of packages: base, console, cluster"),
+                        (("env", "cluster"), "env takes no options"), (("clean", "--all"), "clean takes no options")]
+)  # fmt: skip
+def test_set_up_takes_names_of_groups_and_nothing_else(fresh: Path, words: tuple[str, ...], told: str):
+    result = launch(fresh, *words)
+    assert result.returncode == 2
+    assert told in result.stderr
+    assert not installed(fresh)
+
+
+def test_set_up_installs_the_groups_named(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]):
+    asked: list[tuple[str, ...]] = []
+    monkeypatch.setattr(bootstrap, "set_up", lambda layout, groups: asked.append(groups))
+    assert bootstrap.main(["setup", "cluster", "docs"]) == 0
+    assert bootstrap.main(["setup"]) == 0
+    assert asked == [("cluster", "docs"), ()]
 
 
 def test_a_machine_without_compilers_is_told_before_anything_is_installed(fresh: Path, tmp_path: Path):
@@ -103,7 +123,7 @@ def test_a_virtual_environment_of_the_users_own_is_not_touched(fresh: Path, runn
     layout = Layout(fresh)
     (layout.venv / "mine").mkdir(parents=True)
     with pytest.raises(SetupError, match="was not made by"):
-        packages.install(layout, runner, os.environ)
+        packages.install(layout, ["base"], runner, os.environ)
     assert (layout.venv / "mine").exists()
 
 
@@ -120,5 +140,78 @@ def test_a_half_made_environment_is_not_ready(fresh: Path):
     layout.venv.mkdir()
     (layout.venv / "sixstrut.stamp").touch()
     assert packages.made_by_us(layout)
-    assert not packages.ready(layout)
+    assert packages.missing(layout, ()) == ["base"]
     assert not workspace.ready(layout)
+
+
+def test_groups_are_added_and_a_new_base_brings_all_that_were_there(fresh: Path):
+    layout = Layout(fresh)
+    assert packages.missing(layout, ("console",)) == ["base", "console"]
+    layout.venv_python.parent.mkdir(parents=True)
+    layout.venv_python.symlink_to(sys.executable)
+    stamp = layout.venv / "sixstrut.stamp"
+    stamp.write_text("".join(f"{group} {stamps.packages_stamp(layout, group)}\n" for group in ("base", "checks")))
+    assert packages.missing(layout, ()) == []
+    assert packages.missing(layout, ("checks",)) == []
+    assert packages.missing(layout, ("checks", "console")) == ["console"]
+    with layout.lock("checks").open("a") as lock:
+        lock.write("more==1 --hash=sha256:00\n")
+    assert packages.missing(layout, ()) == [], "it is not needed now"
+    assert packages.missing(layout, ("checks",)) == ["checks"]
+    with layout.lock("base").open("a") as lock:
+        lock.write("more==1 --hash=sha256:00\n")
+    assert packages.missing(layout, ("console",)) == ["base", "console", "checks"]
+
+
+def test_cmake_and_uv_are_in_the_lock_but_not_in_the_environment(fresh: Path):
+    names = {requirement.name for requirement in packages.needed(Layout(fresh), ["base"])}
+    assert "colcon-core" in names
+    assert not names & {*packages.BUILD_TOOLS, packages.INSTALLER}
+
+
+@pytest.mark.parametrize(
+    ("settings", "as_uv"),
+    [
+        ("", ([], {})),
+        ("global.timeout='60'\nglobal.constraint='/etc/c.txt'\n", ([], {})),
+        (":env:.find-links='/a /b'\n", (["--find-links", "/a", "--find-links", "/b"], {})),
+        ("global.index-url='https://own.example/simple'\n", (["--default-index", "https://own.example/simple"], {})),
+        ("global.cert='/etc/own.pem'\n", ([], {"SSL_CERT_FILE": "/etc/own.pem"})),
+        ("global.proxy='http://proxy.example'\n", None),
+    ],
+)
+def test_pips_settings_are_told_to_uv_and_where_it_does_not_know_them_pip_installs(settings: str, as_uv: object):
+    assert packages._as_uv(settings) == as_uv
+
+
+def test_the_tools_of_the_build_go_with_it(fresh: Path, runner: Runner, monkeypatch: pytest.MonkeyPatch):
+    layout = Layout(fresh)
+    asked: list[str] = []
+
+    def installed_into(layout: Layout, requirements: list, runner: Runner, environ: object, *words: str) -> None:
+        asked.extend(requirement.name for requirement in requirements)
+        (Path(words[-1]) / "cmake" / "data" / "bin").mkdir(parents=True)
+
+    monkeypatch.setattr(packages, "_pip", installed_into)
+    with packages.build_tools(layout, runner, os.environ) as programs:
+        assert programs.is_dir()
+    assert asked == list(packages.BUILD_TOOLS)
+    assert not (layout.state / "build_tools").exists()
+
+
+@pytest.mark.parametrize(("uv_fails", "asked"), [(False, ["uv"]), (True, ["uv", "pip"])])
+def test_uv_is_used_where_it_is_there_and_pip_where_uv_fails(
+    fresh: Path, runner: Runner, tmp_path: Path, uv_fails: bool, asked: list
+):
+    told = tmp_path / "told"
+    layout = Layout(fresh)
+    for path, name, code in ((tmp_path / "uv", "uv", int(uv_fails)), (layout.venv_python, "pip", 0)):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(f'#!/bin/sh\necho {name} "$@" >> {told}\nexit {code}\n')
+        path.chmod(0o755)
+    with packages.build_tools(layout, runner, {"PATH": f"{tmp_path}:{os.environ['PATH']}"}):
+        pass
+    lines = told.read_text().splitlines()
+    assert lines.pop(0) == "pip -m pip --disable-pip-version-check config list", "how it reaches packages"
+    assert [line.split()[0] for line in lines] == asked
+    assert all("--require-hashes --no-deps" in line for line in lines)

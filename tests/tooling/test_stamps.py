@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 import shutil
 from pathlib import Path
 
@@ -10,7 +11,8 @@ from tooling.layout import Layout
 @pytest.fixture
 def layout(tmp_path: Path) -> Layout:
     """A checkout with one package."""
-    (tmp_path / "requirements.lock").write_text("numpy==2.0.0 --hash=sha256:00\n")
+    (tmp_path / "requirements").mkdir()
+    (tmp_path / "requirements" / "base.lock").write_text("numpy==2.0.0 --hash=sha256:00\n")
     package = tmp_path / "ros_ws" / "src" / "robot"
     for folder in ("msg", "launch", "robot"):
         (package / folder).mkdir(parents=True)
@@ -27,16 +29,16 @@ def package(layout: Layout) -> Path:
 
 def test_the_same_checkout_has_the_same_stamps(layout: Layout):
     assert stamps.workspace_stamp(layout) == stamps.workspace_stamp(layout)
-    assert stamps.packages_stamp(layout) == stamps.packages_stamp(layout)
+    assert stamps.packages_stamp(layout, "base") == stamps.packages_stamp(layout, "base")
 
 
 @pytest.mark.parametrize("name", ["package.xml", "setup.py", "setup.cfg", "CMakeLists.txt", "msg/State.msg", "srv/Arm.srv"])
 def test_the_content_of_a_build_input_changes_the_workspace_stamp_only(layout: Layout, name: str):
-    before = stamps.packages_stamp(layout), stamps.workspace_stamp(layout)
+    before = stamps.packages_stamp(layout, "base"), stamps.workspace_stamp(layout)
     path = package(layout) / name
     path.parent.mkdir(exist_ok=True)
     path.write_text("changed")
-    after = stamps.packages_stamp(layout), stamps.workspace_stamp(layout)
+    after = stamps.packages_stamp(layout, "base"), stamps.workspace_stamp(layout)
     assert after[0] == before[0]
     assert after[1] != before[1]
 
@@ -65,12 +67,12 @@ def test_python_sources_are_used_in_place_and_need_no_build(layout: Layout):
 
 
 def test_another_lock_or_interpreter_or_place_changes_both_stamps(layout: Layout, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
-    seen = {(stamps.packages_stamp(layout), stamps.workspace_stamp(layout))}
-    layout.lock.write_text("numpy==2.0.1 --hash=sha256:00\n")
-    seen.add((stamps.packages_stamp(layout), stamps.workspace_stamp(layout)))
+    seen = {(stamps.packages_stamp(layout, "base"), stamps.workspace_stamp(layout))}
+    layout.lock("base").write_text("numpy==2.0.1 --hash=sha256:00\n")
+    seen.add((stamps.packages_stamp(layout, "base"), stamps.workspace_stamp(layout)))
     monkeypatch.setattr(stamps, "python_identity", lambda: "cpython-313 /elsewhere")
-    seen.add((stamps.packages_stamp(layout), stamps.workspace_stamp(layout)))
+    seen.add((stamps.packages_stamp(layout, "base"), stamps.workspace_stamp(layout)))
     moved = Layout(tmp_path / "moved")
     shutil.copytree(layout.root, moved.root, ignore=shutil.ignore_patterns("moved"))
-    seen.add((stamps.packages_stamp(moved), stamps.workspace_stamp(moved)))
+    seen.add((stamps.packages_stamp(moved, "base"), stamps.workspace_stamp(moved)))
     assert len({p for p, _ in seen}) == len({w for _, w in seen}) == 4

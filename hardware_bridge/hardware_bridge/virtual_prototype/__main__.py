@@ -1,10 +1,8 @@
-"""``python -m hardware_bridge.virtual_prototype``: one robot behind one pty, until SIGINT or SIGTERM."""
-
-from __future__ import annotations
+# SPDX-License-Identifier: Apache-2.0
+"""`python -m hardware_bridge.virtual_prototype`: one robot behind one pty, until SIGINT or SIGTERM."""
 
 import argparse
 import contextlib
-import math
 import signal
 import sys
 from collections.abc import Callable, Sequence
@@ -12,22 +10,21 @@ from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 
-from hardware_bridge.calibration import load_calibration
-from hardware_bridge.codecs.maestro import TIMEOUT_S, WIDEST_US
-from hardware_bridge.codecs.registry import VALID, parse_board
+from hardware_bridge.boards.maestro import TIMEOUT_S, WIDEST_US
+from hardware_bridge.boards.registry import VALID, parse_board
+from hardware_bridge.calibration.calibration_file import load_calibration
+from hardware_bridge.driver.events import FACES
 from hardware_bridge.errors import BridgeError, ParameterError
-from hardware_bridge.events import FACES
-from hardware_bridge.virtual_port import default_link
-from hardware_bridge.virtual_prototype.actuated_body import ActuatedBody
-from hardware_bridge.virtual_prototype.boards import emulate
-from hardware_bridge.virtual_prototype.body import SimulatedBody
-from hardware_bridge.virtual_prototype.maestro_board import ControlCenter
-from hardware_bridge.virtual_prototype.prototype import VirtualPrototype
-from sim_core.actuators import STAND_IN, require_actuators
+from hardware_bridge.prototype_client.handshake import default_link
+from hardware_bridge.virtual_prototype.boards.maestro import ControlCenter
+from hardware_bridge.virtual_prototype.boards.registry import emulate
+from hardware_bridge.virtual_prototype.body import ActuatedBody, SimulatedBody
+from hardware_bridge.virtual_prototype.main_loop import VirtualPrototype
+from sim_core.dynamics.actuators import STAND_IN, require_actuators
 from sim_core.errors import SimError
 
 MOST_INCLINE_DEG = 20.0
-"""`sim_core.uncertainty.MAX_INCLINE_DEG`, by value: to import it would load the solver for every `--help`."""
+"""`sim_core.uncertainty.distribution.MAX_INCLINE_DEG`, by value: to import it would load the solver for every `--help`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -35,7 +32,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = _parser().parse_args(arguments)
     ended = False
 
-    def end(number: int, frame: FrameType | None) -> None:
+    def end(_number: int, _frame: FrameType | None) -> None:
         nonlocal ended
         ended = True
 
@@ -81,55 +78,38 @@ def _parser() -> argparse.ArgumentParser:
         prog="virtual_prototype",
         description="A simulated robot, its true parameters hidden, behind a serial port.",
     )
-    parser.add_argument("--link", type=Path, default=default_link(), help="where to link (default: %(default)s)")
-    parser.add_argument("--seed", type=int, default=0, help="draws the robot's true parameters (default: %(default)s)")
-    parser.add_argument(
-        "--perturbation",
-        type=_number(0.0, 0.5),
-        default=0.05,
-        help="how far they are from the nominal ones, 0.05 = 5 %% (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--incline",
-        type=_number(0.0, MOST_INCLINE_DEG),
-        default=0.0,
-        help="incline of the ground in degrees, downhill in a direction drawn by the seed (default: %(default)s)",
-    )
-    parser.add_argument("--face", type=_face, default="TC6", help="the face it starts on (default: %(default)s)")
-    parser.add_argument(
-        "--actuators",
-        default=STAND_IN,
-        help="ideal (constant speed whatever the load), stand-in, or a YAML file like it (default: %(default)s)",
-    )
-    parser.add_argument(
-        "--time-scale", type=_number(0.01, 100.0), default=1.0, help="robot seconds per second (default: %(default)s)"
-    )
-    parser.add_argument("--board", type=_board, default="lsc", help=f"the servo board: {VALID} (default: %(default)s)")
+    defaults: list[tuple[str, Callable[[str], object], object, str]] = [
+        ("--link", Path, default_link(), "where to link"),
+        ("--seed", int, 0, "draws the robot's true parameters"),
+        ("--perturbation", _number(0.0, 0.5), 0.05, "how far they are from the nominal ones, 0.05 = 5 %%"),
+        ("--incline", _number(0.0, MOST_INCLINE_DEG), 0.0, "incline of the ground in degrees, its direction drawn by the seed"),
+        ("--face", _face, "TC6", "the face it starts on"),
+        ("--actuators", str, STAND_IN, "ideal (constant speed whatever the load), stand-in, or a YAML file like it"),
+        ("--time-scale", _number(0.01, 100.0), 1.0, "robot seconds per second"),
+        ("--board", _board, "lsc", f"the servo board: {VALID}"),
+    ]
+    for option, kind, default, about in defaults:
+        parser.add_argument(option, type=kind, default=default, help=f"{about} (default: %(default)s)")
     parser.add_argument("--baud", type=_baud, help="between radio and board (default: 9600 for lsc, else 115200)")
-    parser.add_argument(
-        "--maestro-home", type=_home, help="where an error sends a Maestro's channels: ignore (default), off, or a pulse in us"
-    )
-    parser.add_argument(
-        "--maestro-timeout", type=_number(*TIMEOUT_S), help="a Maestro's serial time-out in seconds of robot time (default: off)"
-    )
+    home = "where an error sends a Maestro's channels: ignore (default), off, or a pulse in us"
+    parser.add_argument("--maestro-home", type=_home, help=home)
+    timeout = "a Maestro's serial time-out in seconds of robot time (default: off)"
+    parser.add_argument("--maestro-timeout", type=_number(*TIMEOUT_S), help=timeout)
     return parser
 
 
 def _number(low: float, high: float) -> Callable[[str], float]:
-    def parse(text: str) -> float:
-        value = float(text)
-        if not (math.isfinite(value) and low <= value <= high):
+    def number(text: str) -> float:
+        if not low <= float(text) <= high:  # also not-a-number
             raise argparse.ArgumentTypeError(f"{text} is not from {low:g} to {high:g}")
-        return value
+        return float(text)
 
-    return parse
+    return number
 
 
 def _baud(text: str) -> int:
-    value = int(text)
-    if not 300 <= value <= 1_000_000:
-        raise argparse.ArgumentTypeError(f"{text} is not from 300 to 1000000")
-    return value
+    _number(300, 1_000_000)(text)
+    return int(text)
 
 
 def _board(text: str) -> str:

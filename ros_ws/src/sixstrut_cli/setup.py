@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 from setuptools import find_packages, setup
 
 package_name = "sixstrut_cli"
@@ -10,7 +11,6 @@ setup(
     maintainer="sixstrut maintainers",
     maintainer_email="maintainers@sixstrut.example",
     packages=find_packages(),
-    package_data={"sixstrut_cli.console": ["page/*"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),

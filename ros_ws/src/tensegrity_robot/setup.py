@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 from glob import glob
 
 from setuptools import find_packages, setup
@@ -24,10 +25,10 @@ setup(
     zip_safe=False,
     entry_points={
         "console_scripts": [
-            "twin = tensegrity_robot.twin_node:main",
-            "gait_planner = tensegrity_robot.gait_planner_node:main",
-            "traveller = tensegrity_robot.traveller_node:main",
-            "hardware_bridge = tensegrity_robot.hardware_bridge_node:main",
+            "twin = tensegrity_robot.twin.twin_node:main",
+            "gait_planner = tensegrity_robot.planner.gait_planner_node:main",
+            "traveller = tensegrity_robot.planner.traveller_node:main",
+            "hardware_bridge = tensegrity_robot.bridge.hardware_bridge_node:main",
             # hardware_bridge's own executable, so that one package name starts every process of a session
             "virtual_prototype = hardware_bridge.virtual_prototype.__main__:main",
         ],

@@ -1,16 +1,17 @@
+# SPDX-License-Identifier: Apache-2.0
 """The validation suite: the solver against closed forms and independent computations, one small module a topic.
 
 Every case is a function of a `Setting` that returns a `Case`: a number measured on the solver, a reference that the solver had no
-part in, a tolerance. `sixstrut validate` runs them all and writes docs/validation.md; the tests run the same functions.
+part in, a tolerance. `sixstrut validate` runs them all and writes docs/results/validation.md with --page; the tests run the same
+functions.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
+from inspect import isfunction
 from types import ModuleType
 from typing import NamedTuple
 
-from sim_core.validation import (
+from sim_core.validation.cases import (
     beams,
     cables,
     contact,
@@ -18,87 +19,48 @@ from sim_core.validation import (
     free_body,
     incremental,
     large_rotation,
-    outcomes,
+    step_size_outcomes,
     time_limit,
     whole_robot,
 )
-from sim_core.validation.case import Case, Curve, Picture, Setting
+from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 
-__all__ = ["CASES", "TOPICS", "Case", "Curve", "Picture", "Setting", "Topic"]
+__all__ = ["CASES", "TOPICS", "Case", "Comparison", "Curve", "Picture", "Setting", "Topic"]
 
 CaseFunction = Callable[[Setting], Case]
 
 
 class Topic(NamedTuple):
-    """Cases that belong together. `about`: what they are about, from their module's docstring."""
+    """Cases that belong together: those of a module."""
 
     title: str
     module: ModuleType
-    cases: tuple[CaseFunction, ...]
 
     @property
     def about(self) -> str:
+        """What the cases are about, in one line: their module's docstring."""
         return " ".join((self.module.__doc__ or "").split())
+
+    @property
+    def cases(self) -> dict[str, CaseFunction]:
+        """The module's public functions that make a case, by name, in its order."""
+        functions = [function for function in vars(self.module).values() if isfunction(function)]
+        own = [function for function in functions if function.__module__ == self.module.__name__ and function.__name__[0] != "_"]
+        return {function.__name__: function for function in own if function.__annotations__["return"] is Case}
 
 
 TOPICS: tuple[Topic, ...] = (
-    Topic(
-        "Struts: small vibrations",
-        beams,
-        (
-            beams.axial_frequency,
-            beams.axial_limit,
-            beams.torsional_frequency,
-            beams.bending_frequency,
-            beams.bending_limit,
-        ),
-    ),
-    Topic(
-        "Struts: large bending",
-        large_rotation,
-        (
-            large_rotation.end_moment_circle,
-            large_rotation.end_moment_order,
-            large_rotation.elastica_tip_load,
-            large_rotation.elastica_order,
-        ),
-    ),
-    Topic("Struts: total and incremental form", incremental, (incremental.total_against_incremental,)),
-    Topic("Ropes and prestress", cables, (cables.cable_slackening, cables.self_stress_ratio)),
-    Topic("Free bodies", free_body, (free_body.linear_momentum, free_body.angular_momentum, free_body.energy)),
-    Topic(
-        "Ground and friction",
-        contact,
-        (
-            contact.block_sliding_to_rest,
-            contact.slope_below_friction_angle,
-            contact.slope_above_friction_angle,
-            contact.robot_on_slope,
-            contact.restitution_law,
-            contact.restitution_at_own_step,
-        ),
-    ),
-    Topic(
-        "Motion, and the time step's order", convergence, (convergence.robot_motion, convergence.robot_order, convergence.top_order)
-    ),
-    Topic(
-        "The time step's limit",
-        time_limit,
-        (time_limit.limit_at_mid_stroke, time_limit.limit_at_shortest, time_limit.limit_on_the_ground),
-    ),
-    Topic(
-        "The whole robot",
-        whole_robot,
-        (
-            whole_robot.frequency_by_eigenvalues,
-            whole_robot.frequency_by_spectrum,
-            whole_robot.elements_per_strut,
-            whole_robot.equivariance,
-            whole_robot.lanes,
-        ),
-    ),
-    Topic("Outcomes", outcomes, (outcomes.same_face_at_a_finer_step, outcomes.same_face_with_stiffer_struts)),
+    Topic("Struts: small vibrations", beams),
+    Topic("Struts: large bending", large_rotation),
+    Topic("Struts: total and incremental form", incremental),
+    Topic("Ropes and prestress", cables),
+    Topic("Free bodies", free_body),
+    Topic("Ground and friction", contact),
+    Topic("Motion, and the time step's order", convergence),
+    Topic("The time step's limit", time_limit),
+    Topic("The whole robot", whole_robot),
+    Topic("Outcomes", step_size_outcomes),
 )
 
-CASES: dict[str, CaseFunction] = {function.__name__: function for topic in TOPICS for function in topic.cases}
+CASES: dict[str, CaseFunction] = {name: function for topic in TOPICS for name, function in topic.cases.items()}
 """Every case by the name that `sixstrut validate --only` and the pictures' files use."""

@@ -1,6 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
 """The prototype as its user starts it: a process, with the simulated robot."""
-
-from __future__ import annotations
 
 import os
 import signal
@@ -12,14 +11,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hardware_bridge.bridge import Bridge
-from hardware_bridge.observation import Observation
-from hardware_bridge.observer_client import ObserverClient
-from hardware_bridge.trajectory import Trajectory
-from hardware_bridge.virtual_port import observer_path
+from hardware_bridge.driver.bridge import Bridge
+from hardware_bridge.prototype_client.handshake import observer_path
+from hardware_bridge.prototype_client.observation import Observation
+from hardware_bridge.prototype_client.observer_client import ObserverClient
+from hardware_bridge.safety.trajectory import Trajectory
 from hardware_bridge.virtual_prototype.__main__ import main
+from tests.hardware_bridge.driver.test_bridge import armed
 from tests.hardware_bridge.helpers import MID, wait_for
-from tests.hardware_bridge.test_bridge import armed
 
 Run = Callable[..., "subprocess.Popen[str]"]
 

@@ -1,3 +1,4 @@
+# SPDX-License-Identifier: Apache-2.0
 """The whole stack: bridge, planner, traveller, twin; with `virtual:=true` (the default) also a virtual prototype to drive.
 
     ros2 launch tensegrity_robot tensegrity.launch.py
@@ -8,8 +9,6 @@ Nothing moves until somebody arms: ros2 service call /arm tensegrity_interfaces/
 If any of these processes ends, all end, and none outlives the launch, however that ends: a bridge without its stack would go on
 holding the port.
 """
-
-from __future__ import annotations
 
 import shlex
 import sys
@@ -22,8 +21,8 @@ from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 from launch_ros.parameter_descriptions import ParameterValue
 
-from hardware_bridge.child import bound
-from tensegrity_robot.launch_arguments import ARGUMENTS, require_arguments, require_known, truth
+from hardware_bridge.driver.child_process import bound
+from tensegrity_robot.ros.launch_arguments import ARGUMENTS, require_arguments, require_known, truth
 
 PACKAGE = "tensegrity_robot"
 LAUNCHS_OWN = ("launch-prefix", "launch-prefix-filter")

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`sixstrut search`: find a primitive library."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, output_folder, picture_path, require_output, say, wrote
+
+if TYPE_CHECKING:
+    from sim_core.search.genetic_search import Search
+
+
+def command(
+    plan_name: Annotated[
+        Literal["improved", "previous", "robust"], typer.Argument(metavar="PLAN", help="improved, previous or robust.")
+    ] = "improved",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="Library YAML; default: out/search/PLAN.yaml.")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Same seed and options, same library.")] = 1,
+    keep: Annotated[int, typer.Option(min=1, help="Primitives per class.")] = 20,
+    roll_class: Annotated[str | None, typer.Option("--class", help="TC6-TO5 or TO5-TC6; default: both.")] = None,
+    active: Annotated[int, typer.Option(min=1, max=6, help="Struts that a policy may move.")] = 6,
+    apart: Annotated[int | None, typer.Option(min=1, help="Two primitives differ by so many mm in some strut.")] = None,
+    generations: Annotated[int | None, typer.Option(min=1, help="At most so many.", show_default="the plan's")] = None,
+    evaluations: Annotated[int | None, typer.Option(min=1, help="At most so many rolls of the nominal robot.")] = None,
+    ensemble: options.Ensemble = None,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Begin anew, even if a stopped search could go on.")] = False,
+    scheduler: options.Scheduler = None,
+    picture: Annotated[Path | None, typer.Option(help="PNG; default: beside the library.", callback=picture_path)] = None,
+    prototype: options.Prototype = None,
+    as_json: options.Json = False,
+) -> None:
+    """Find primitives of both classes with a genetic algorithm; the shipped libraries are made by their plans' names.
+
+    improved: feasible with the improved model. previous: with the paper's previous model. robust: improved, and those that work
+    best on perturbed prototypes and inclined ground. Ctrl-C stops it; the same command goes on after the last
+    finished generation.
+
+    sixstrut search
+    sixstrut search robust -o my_library.yaml --seed 7
+    sixstrut search robust --ensemble my_ensemble.yaml -o my_library.yaml
+    sixstrut search --active 3 --class TO5-TC6 --keep 5 -o three_struts.yaml
+    """
+    announce(f"searching a library by the plan {plan_name}: minutes, robust longer; Ctrl-C leaves, the same command goes on")
+    from sim_core.dynamics.model import build_model
+    from sim_core.gaits.library import library_text
+    from sim_core.rolling.warm_up import Stage
+    from sim_core.search.genetic_search import Search
+    from sim_core.search.library_recipes import PLANS, fitted_to
+    from sim_core.structure.parameters import load_prototype
+    from sim_core.studies.dask_runner import runner_of
+    from sim_core.uncertainty.ensemble import load_posterior
+    from tensegrity_lab.reports.library_plot import library_picture
+    from tensegrity_lab.terminal.compile_notice import compile_first
+    from tensegrity_lab.terminal.leaving import leaves_at_once
+
+    path = output or output_folder("search") / f"{plan_name}.yaml"
+    require_output(path, "primitive library")
+    changes: dict[str, Any] = {"seed": seed, "keep": keep, "active": active, "apart_mm": apart, "generations": generations}
+    changes |= {"evaluations": evaluations, "classes": roll_class and (roll_class,), "name": output and path.stem}
+    changes = {name: value for name, value in changes.items() if value is not None}
+    robot = load_prototype(prototype)
+    plan = PLANS[plan_name]
+    if ensemble is not None:
+        if plan_name != "robust":
+            raise typer.BadParameter("only the plan robust trains on robots", param_hint="--ensemble")
+        posterior = load_posterior(ensemble)
+        posterior.require(build_model(robot))
+        plan = fitted_to(posterior)
+    plan = replace(plan, **changes)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    if scheduler is None:
+        compile_first(Stage.BATCH)
+    stopped = path.with_suffix(".search.json")
+    state = None if fresh else _read(stopped)
+    with runner_of(scheduler) as runner:
+        search = Search(robot, plan, runner, state)
+        say(f"searching {plan.keep} primitives of each class, {plan.generations} generations at most", err=True)
+        if state is not None:
+            typer.echo(f"going on after generation {search.generation} of {stopped} (--fresh begins anew)", err=True)
+        with leaves_at_once(f"every finished generation is kept in {stopped}; the same command goes on from there"):
+            _run(search, stopped)
+        library = search.library()
+    path.write_text(library_text(library), encoding="utf-8")
+    stopped.unlink(missing_ok=True)
+    drawn = picture or path.with_suffix(".png")
+    library_picture(library, drawn)
+    done = search.progress
+    if as_json:
+        counts = {name: sum(p.roll_class.name == name for p in library.primitives) for name in plan.classes}
+        typer.echo(json.dumps({"library": str(path), "hash": library.hash, "primitives": counts, "rolls": done.rolled}))
+        return
+    for p in library.primitives:
+        shown = ", ".join(f"{key} {value:g}" for key, value in p.margins.items())
+        typer.echo(f"{p.name} {p.roll_class.name} {' '.join(f'{v:+d}' for v in p.policy)} mm: {shown}")
+    for name in plan.classes:
+        count = sum(p.roll_class.name == name for p in library.primitives)
+        if count < plan.keep:
+            typer.echo(f"only {count} of {plan.keep} primitives {name} in {done.rolled} rolls", err=True)
+    wrote(path, drawn)
+    say(
+        f"library {library.hash}, model {library.model_hash}: {done.rolled} rolls of the nominal robot, "
+        f"{done.trained} trials on training prototypes"
+    )
+
+
+def _read(path: Path) -> Mapping[str, Any] | None:
+    from sim_core.errors import FileError
+    from sim_core.files.bounded_reader import read_text
+
+    try:
+        state: Mapping[str, Any] = json.loads(read_text(path, 256_000_000))
+    except FileNotFoundError:
+        return None
+    except (ValueError, RecursionError, FileError) as error:
+        raise typer.BadParameter(f"{path} is damaged ({error}); --fresh begins anew") from error
+    return state
+
+
+def _run(search: Search, keep: Path) -> None:
+    """Search to the end, keeping the state after each generation."""
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+    columns = (
+        TextColumn("{task.description}"), BarColumn(), TextColumn("{task.fields[found]}"), TextColumn("{task.fields[speed]}"),
+        TimeElapsedColumn(), TextColumn("left"), TimeRemainingColumn(),
+    )  # fmt: skip
+    with Progress(*columns, console=Console(stderr=True)) as bars:
+        task = bars.add_task("generation 0", total=1.0, found="", speed="")
+        while not search.done:
+            search.step()
+            _keep(search, keep)
+            now = search.progress
+            seconds = bars.tasks[0].elapsed or 1e-9
+            found = ", ".join(f"{name} {now.found[name]}/{now.wanted} (best {now.best[name]:.2f})" for name in now.found)
+            rolls = now.rolled + now.trained
+            bars.update(
+                task, completed=now.finished, description=f"generation {now.generation}", found=found,
+                speed=f"{rolls} rolls, {rolls / seconds:.0f}/s",
+            )  # fmt: skip
+
+
+def _keep(search: Search, path: Path) -> None:
+    """Write the state so that an interruption leaves the old one or the new one, whole."""
+    new = path.with_suffix(".new")
+    new.write_text(json.dumps(search.state), encoding="utf-8")
+    new.replace(path)

@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`sixstrut travel`: the virtual prototype rolls to a place on the floor."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from sixstrut_cli import options
+from sixstrut_cli.outputs import announce, console, output_folder, results_page, wrote
+
+if TYPE_CHECKING:
+    from tensegrity_lab.stack.virtual_stack import VirtualRobot
+    from tensegrity_lab.studies.travel import Trip
+    from tensegrity_lab.studies.travel_study import Case
+
+
+def command(
+    place: Annotated[
+        list[str] | None, typer.Argument(metavar="X,Y", help="Place on the floor in m; the robot starts at 0,0.")
+    ] = None,
+    study: Annotated[
+        int,
+        typer.Option(metavar="N", min=0, help="Instead: N goals at 1 m, on two floors, with what is known of gaits and without."),
+    ] = 0,
+    reach: Annotated[float, typer.Option(min=0.02, help="How near is near enough, in m.")] = 0.08,
+    most_rolls: Annotated[int, typer.Option(min=1, help="Give up after so many rolls.")] = 60,
+    ignore_odds: Annotated[bool, typer.Option("--ignore-odds", help="Take all gaits for equally likely.")] = False,
+    seed: options.Seed = 1,
+    from_face: options.FromFace = "TC6",
+    perturbation: options.Perturbation = 0.05,
+    incline: options.Incline = 0.0,
+    time_scale: options.TimeScale = 8.0,
+    board: options.Board = "lsc",
+    actuators: options.Actuators = "stand-in",
+    library: options.Library = "robust",
+    domain: options.Domain = None,
+    output: Annotated[
+        Path | None,
+        typer.Option("--output", "-o", help="Folder for bags, pictures, and a study's trips.", show_default="bags, out/travel"),
+    ] = None,
+    page: options.Page = False,
+    as_json: options.Json = False,
+) -> None:
+    """Roll the virtual prototype to a place on the floor, through the whole stack: replanned after every roll from where it rests.
+
+    Exit code 0: it arrived; 4: it gave up, and says why. In a running stack: the action `travel`, or RViz's 2D Goal Pose.
+    A study that was stopped goes on with the same command and --output.
+
+    sixstrut travel 0.6,0.3
+    sixstrut travel -1.0,-0.5 --incline 3 --seed 7
+    sixstrut travel --study 10 -o bags/travels --page
+    """
+    if study and domain is not None:
+        raise typer.BadParameter("a study takes a domain of its own for each trip", param_hint="--domain")
+    if bool(place) == bool(study):
+        raise typer.BadParameter("give a place such as 0.6,0.3, or --study N", param_hint="X,Y")
+    if page and not study:
+        raise typer.BadParameter("only a study makes a page: give --study N as well", param_hint="--page")
+    bags = output or (output_folder("travel") if study else Path("bags"))
+    goal_m = options.place_of(place) if place else (0.0, 0.0)
+    announce("a virtual robot rolls, some seconds each; Ctrl-C holds the struts, closes the bag and ends")
+    from tensegrity_lab.stack.virtual_stack import VirtualRobot
+
+    robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
+    robot.require()
+    if not place:
+        _study(study, robot, bags, page)
+        return
+    from tensegrity_lab.studies.travel import travel
+    from tensegrity_lab.studies.travel_plot import travel_picture
+
+    screen = console()
+    screen.print(robot.describe)
+    robot.compile()
+    with screen.status("starting") as status:
+        trip = travel(robot, goal_m, status.update, reach, most_rolls, not ignore_odds, domain, screen.print)
+    picture = Path(trip.bag).with_suffix(".png")
+    travel_picture(trip, picture)
+    if as_json:
+        typer.echo(json.dumps(asdict(trip) | {"ratio": trip.ratio, "picture": str(picture)}))
+    else:
+        typer.echo(" → ".join(trip.faces))
+        typer.echo(f"{'arrived' if trip.success else 'did not arrive'}: {trip.reason}")
+        ratio = f"path {trip.path_m:.2f} m for {trip.straight_m - trip.left_m:.2f} m won"
+        typer.echo(f"{trip.rolls} rolls, {trip.missed} missed, {trip.robot_s:.0f} s of robot time; {ratio}")
+        wrote(Path(trip.bag), picture)
+    if not trip.success:
+        raise typer.Exit(4)
+
+
+def _study(goals: int, robot: VirtualRobot, folder: Path, page: bool) -> None:
+    from tensegrity_lab.studies.travel_study import cases_of, read_trips, study
+
+    robot.compile()
+    cases = cases_of(goals, robot.seed)
+    screen = console()
+    try:
+        with screen.status("starting") as status:
+            study(cases, robot, folder, status.update, screen.print)
+    except KeyboardInterrupt:
+        typer.echo(f"\ninterrupted: every finished trip is kept in {folder.resolve()}; the same command goes on", err=True)
+        raise typer.Exit(130) from None
+    finally:  # a page of what there is, also if it is ended early
+        known = read_trips(folder)
+        found = {case: known[case.key] for case in cases if case.key in known}
+        if found:
+            _write(cases, found, robot, folder, page)
+
+
+def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, folder: Path, page: bool) -> None:
+    from tensegrity_lab.studies.travel_plot import study_picture
+    from tensegrity_lab.studies.travel_study import groups_of, page_of, words_of
+
+    target = results_page("travel.md") if page else folder / "travel.md"
+    images = target.parent / "images"
+    images.mkdir(parents=True, exist_ok=True)
+    groups = groups_of(found)
+    panels = [(", ".join(words_of(group)), [trip for case, trip in found.items() if case.group == group]) for group in groups]
+    study_picture(panels, images / "travel.png")
+    goals = max(case.number for case in cases)
+    chosen = f"--study {goals} --seed {robot.seed} --time-scale {robot.time_scale:g}"
+    command = f"./sixstrut travel {chosen} -o {folder}{' --page' if page else ''}"
+    text = page_of(found, len(cases) - len(found), robot, command, "images/travel.png")
+    target.write_text(text, encoding="utf-8")
+    typer.echo(text)
+    wrote(target, images / "travel.png")

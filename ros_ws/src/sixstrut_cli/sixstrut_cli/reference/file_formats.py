@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page of files: what each kind is, its version, who writes and reads it."""
+
+from dataclasses import fields
+from importlib import import_module
+from pathlib import Path
+from typing import NamedTuple
+
+from sixstrut_cli.reference import NOTE, table
+
+
+class Kind(NamedTuple):
+    """A kind of file. `module` has its reader, and `SCHEMA` if it has versions; `example`: in the repository, or empty."""
+
+    name: str
+    module: str
+    form: str
+    holds: str
+    written: str
+    read: str
+    example: str = ""
+
+
+# fmt: off
+KINDS = (
+    Kind("prototype", "sim_core.structure.parameter_file", "YAML",
+         "every number of a robot, with unit and source", "by hand, `calibrate-model`",
+         "`--prototype`, the nodes' `prototype_file`", "sim_core/sim_core/data/prototype.yaml"),
+    Kind("actuators", "sim_core.structure.parameter_file", "YAML",
+         "how the servo actuators behave under load", "by hand", "`--actuators`", "sim_core/sim_core/data/actuators.yaml"),
+    Kind("library", "sim_core.gaits.library", "YAML",
+         "primitives, with margins, the model's hash, and how they were found", "`search`",
+         "`--library`, planner, traveller", "sim_core/sim_core/data/libraries/robust.yaml"),
+    Kind("gait odds", "sim_core.gaits.success_counts", "YAML",
+         "successes and trials of every gait of one library", "`robustness --odds`, `fit --odds`",
+         "`route --odds`, the nodes' `odds_file`", "sim_core/sim_core/data/odds/robust.yaml"),
+    Kind("climb limits", "sim_core.gaits.climb_limits", "YAML",
+         "the steepest ground that each primitive of one library climbs", "`climb -o`",
+         "traveller", "sim_core/sim_core/data/climbs/robust.yaml"),
+    Kind("ensemble", "sim_core.uncertainty.ensemble", "YAML",
+         "robots fitted to trials, with weights", "`fit --ensemble`", "`rehearse --ensemble`, `search robust --ensemble`"),
+    Kind("calibration", "hardware_bridge.calibration.calibration_file", "YAML",
+         "length to pulse, strut by strut, of one robot", "`calibrate`",
+         "the bridge's `calibration`, `doctor`", "hardware_bridge/hardware_bridge/data/calibration_default.yaml"),
+    Kind("session", "tensegrity_lab.session_data.folder", "folder",
+         "a session of trials: settings, plan, ledger, bags, report", "`trial`, `campaign`",
+         "`trial` (goes on), `report`, `fit`, `odds`"),
+    Kind("bag", "hardware_bridge.recording.bag_reader", "MCAP",
+         "all that a bridge sent, heard and saw in one session", "the bridge",
+         "`replay`, `play`, `fit`, `odds`, Foxglove, PlotJuggler", "bags/example.mcap"),
+    Kind("last pulses", "hardware_bridge.saved_state.last_pulses", "JSON",
+         "what each strut was last sent, of one robot", "the bridge, before each write", "the bridge, before it arms"),
+    Kind("duty", "hardware_bridge.saved_state.duty_record", "JSON",
+         "how long each strut has run lately, of one robot", "the bridge", "the bridge"),
+)
+# fmt: on
+
+SCHEMAS = """\
+*Schema* is the number that the file states as `schema:`; a file of another number is refused. Files of the robot's state are in
+`$SIXSTRUT_STATE_DIR`, or `~/.local/state/sixstrut`. Every YAML file is read by one strict reader, bounded in size, depth and
+digits; what YAML 1.1 and 1.2 read differently is refused."""
+
+BAG = """\
+MCAP with ROS 2 messages (`ros2msg`, `cdr`). Topics are under `/recorded/`, names that no live node listens to, so playing a bag
+moves nothing; which topics, is in the [interfaces](interfaces.md). Attached are the library, the prototype and the calibration of
+the session; the metadata hold their hashes and versions."""
+
+
+def page(_: Path) -> str:
+    """The page, as Markdown."""
+    from hardware_bridge.calibration.pulse_map import StrutCalibration
+    from tensegrity_lab.session_data.ledger_line import COLUMNS
+
+    rows = [
+        (
+            kind.name, kind.form, str(getattr(import_module(kind.module), "SCHEMA", "–")), kind.holds, kind.written, kind.read,
+            f"[`{Path(kind.example).name}`](../../{kind.example})" if kind.example else "",
+        )
+        for kind in KINDS
+    ]  # fmt: skip
+    lines = ["# Files", "", NOTE, ""]
+    lines += table(("kind", "form", "schema", "holds", "written by", "read by", "example"), rows)
+    lines += [
+        "",
+        SCHEMAS,
+        "",
+        "## Calibration",
+        "",
+        "Beside `mid_stroke_length_m`, the name of the robot and its board, each of `S1`…`S6` under `struts` has:",
+        "",
+        *(f"* `{row.name}`" for row in fields(StrutCalibration)),
+        "",
+        "## Ledger of a session",
+        "",
+        "`ledger.csv`, one line an event; each line ends with its CRC-32 (`check`). Its columns, in order (what they mean:",
+        "[TrialRecord](interfaces.md#trialrecordmsg)):",
+        "",
+        ", ".join(f"`{name}`" for name in COLUMNS) + ".",
+        "",
+        "## Bag",
+        "",
+        BAG,
+    ]
+    return "\n".join(lines) + "\n"

@@ -1,1 +1,0 @@
-"""Travels of the virtual prototype: one, or a study of many, through the whole stack."""

@@ -1,1 +1,0 @@
-"""Sessions of trials: planned, run, recorded and reported."""

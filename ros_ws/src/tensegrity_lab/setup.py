@@ -1,0 +1,20 @@
+# SPDX-License-Identifier: Apache-2.0
+from setuptools import find_packages, setup
+
+package_name = "tensegrity_lab"
+
+setup(
+    name=package_name,
+    version="0.1.0",
+    description="Experiments with the six-strut tensegrity: trials, studies, reports.",
+    license="Apache-2.0",
+    maintainer="sixstrut maintainers",
+    maintainer_email="maintainers@sixstrut.example",
+    packages=find_packages(),
+    data_files=[
+        ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
+        (f"share/{package_name}", ["package.xml"]),
+    ],
+    install_requires=["setuptools"],
+    zip_safe=False,
+)

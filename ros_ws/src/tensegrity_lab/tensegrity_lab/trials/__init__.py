@@ -1,0 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Running a session of trials.
+
+May import every room here.
+"""

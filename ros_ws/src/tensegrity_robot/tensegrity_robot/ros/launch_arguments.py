@@ -1,0 +1,120 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the launch file is given: checked as a whole before anything starts. A mistake found later would leave processes behind."""
+
+import difflib
+import math
+import os
+from collections.abc import Callable, Collection, Mapping
+from pathlib import Path
+
+from hardware_bridge.boards.registry import SERVO_BOARD, parse_board
+from hardware_bridge.calibration.calibration_file import load_calibration
+from hardware_bridge.errors import BridgeError
+from hardware_bridge.recording.session_bag import bag_folder
+from sim_core.errors import SimError
+from sim_core.gaits.library import load_library
+from sim_core.gaits.success_counts import load_success_counts
+from sim_core.structure.topology import require_face
+from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, MAX_SCALE
+from tensegrity_robot.ros.errors import StartError
+
+ARGUMENTS = (
+    ("virtual", "true", "start a virtual prototype and drive it; false: drive the board at `port`"),
+    ("port", "", "device or socket://HOST:PORT of the board; empty: the virtual prototype's link"),
+    ("board", "lsc", SERVO_BOARD),
+    ("perturbation", "0.05", "how far the virtual prototype is off the nominal robot, 0.05 for ±5 %"),
+    ("incline", "0.0", "incline of the virtual prototype's ground in degrees, downhill in a direction that the seed draws"),
+    ("seed", "0", "draws the virtual prototype's true parameters"),
+    ("time_scale", "1.0", "robot seconds per second; other than 1 only with a virtual prototype"),
+    ("start_face", "TC6", "face on which robot and twin start"),
+    ("calibration", "", "calibration YAML; empty: the virtual prototype's"),
+    ("rested_s", "0.0", "how long the actuators have rested, in s, where nobody else knows it"),
+    ("silent_board", "false", "the operator's word: this board cannot answer; arm it all the same"),
+    ("library", "robust", "gait library: a shipped name, or a YAML file"),
+    ("bags", "", "folder for the recorded bags; empty: $SIXSTRUT_BAGS or ./bags"),
+    ("rviz", "false", "start RViz with the twin"),
+)
+"""Name, default, description."""
+
+LONGEST_SEED = 2**31 - 1
+LONGEST_REST_S = 1e6
+_WORDS = {"true": True, "1": True, "false": False, "0": False}
+
+
+def require_known(names: Collection[str]) -> None:
+    """Raises StartError: an argument that the launch file does not have; says which is the nearest."""
+    known = [name for name, _, _ in ARGUMENTS]
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
+            raise StartError(f"unknown argument {name}: did you mean {near[0]}? Valid are {', '.join(known)}")
+
+
+def require_arguments(given: Mapping[str, str], prefix_of: Callable[[str], str]) -> None:
+    """Raises StartError: something that cannot be, with what is valid. `given`: every one of `ARGUMENTS`.
+
+    `prefix_of`: where a package is installed; raises LookupError (ament's `get_package_prefix`).
+    """
+    virtual = truth(given, "virtual")
+    port = given["port"]
+    if virtual and port:
+        raise StartError(f"port:={port} is a real robot's: give virtual:=false with it")
+    if not virtual and not port:
+        raise StartError("virtual:=false needs the board's port, such as port:=/dev/rfcomm0")
+    if port and "://" not in port and not os.path.exists(port):  # noqa: PTH110 (no error where it may not be looked at)
+        raise StartError(f"port:={port} does not exist: power the robot and bind its Bluetooth, or plug its cable in")
+    scale = _number(given, "time_scale", 0.01, 100.0)
+    if not virtual and scale != 1.0:
+        raise StartError(f"time_scale:={given['time_scale']}: a real robot's is 1")
+    _number(given, "rested_s", 0.0, LONGEST_REST_S)
+    truth(given, "silent_board")
+    _number(given, "perturbation", 0.0, MAX_SCALE)
+    _number(given, "incline", 0.0, MAX_INCLINE_DEG)
+    if not given["seed"].isdecimal() or int(given["seed"]) > LONGEST_SEED:
+        raise StartError(f"seed:={given['seed']}: valid is a whole number from 0 to {LONGEST_SEED}")
+    try:
+        require_face(given["start_face"])
+        parse_board(given["board"])
+        load_calibration(given["calibration"] or None)
+        load_success_counts(load_library(given["library"]))
+    except (BridgeError, SimError, OSError) as error:
+        raise StartError(str(error)) from error
+    _require_bags(bag_folder(given["bags"]))
+    if truth(given, "rviz"):
+        _require_rviz(prefix_of)
+
+
+def truth(given: Mapping[str, str], name: str) -> bool:
+    """A yes or no. Raises StartError."""
+    word = given[name].strip().lower()
+    if word not in _WORDS:
+        raise StartError(f"{name}:={given[name]}: valid is true or false")
+    return _WORDS[word]
+
+
+def _number(given: Mapping[str, str], name: str, low: float, high: float) -> float:
+    try:
+        value = float(given[name])
+    except ValueError:
+        value = math.nan
+    if not low <= value <= high:
+        raise StartError(f"{name}:={given[name]}: valid is a number from {low:g} to {high:g}")
+    return value
+
+
+def _require_bags(folder: Path) -> None:
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise StartError(f"bags:={folder} cannot be made ({error.strerror}): give a folder that can be written") from error
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise StartError(f"bags:={folder} cannot be written: give another folder")
+
+
+def _require_rviz(prefix_of: Callable[[str], str]) -> None:
+    try:
+        program = Path(prefix_of("rviz2")) / "lib" / "rviz2" / "rviz2"
+    except LookupError as error:
+        raise StartError("rviz:=true, but rviz2 is not installed: install it, or leave rviz:=true out") from error
+    if not os.access(program, os.X_OK):
+        raise StartError(f"rviz:=true, but {program} cannot be run: install rviz2, or leave rviz:=true out")

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quality of service of the stack's topics (see docs/architecture.md): all reliable, all keep the newest `depth` messages."""
+
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+STREAM = QoSProfile(depth=2000)
+"""The event stream: nothing may be missed, but a subscriber that sleeps must not block the bridge, as keep_all would."""
+
+FACES = QoSProfile(depth=50, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""Faces: late joiners learn the last ones."""
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+"""States: late joiners learn the newest."""
+
+STATES = QoSProfile(depth=100)
+"""Everything else that is published at a rate."""

@@ -1,0 +1,266 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The phases of one roll as a small state machine. Knows no ROS and no clock: told what is known, it answers what to do next.
+
+    (go to neutral, settle,) actuate, settle, return to neutral, settle, have the face confirmed
+
+Times are robot time. Whatever face the robot lands on, it is brought back to neutral lengths before the roll is reported.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from sim_core.errors import RollRefused
+
+NEUTRAL_TOLERANCE_M = 0.0015
+"""Struts farther than this from neutral are brought there before a gait begins."""
+
+Lengths = tuple[float, ...]
+
+
+class Phase(StrEnum):
+    """What is going on, as the feedback says it."""
+
+    TO_NEUTRAL = "going to neutral lengths"
+    TO_NEUTRAL_SETTLE = "settling at neutral lengths"
+    ACTUATE = "actuating"
+    ACTUATE_SETTLE = "settling after actuation"
+    RETURN = "returning to neutral lengths"
+    RETURN_SETTLE = "settling after the return"
+    CONFIRM = "waiting for somebody to say the face (set_face)"
+
+
+_SETTLE_AFTER = {
+    Phase.TO_NEUTRAL: Phase.TO_NEUTRAL_SETTLE,
+    Phase.ACTUATE: Phase.ACTUATE_SETTLE,
+    Phase.RETURN: Phase.RETURN_SETTLE,
+}
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A face: None = on no face; whether the robot rested on it; when; who says so."""
+
+    face: str | None
+    settled: bool
+    robot_time_ns: int
+    source: str
+
+
+@dataclass(frozen=True)
+class View:
+    """What is known now.
+
+    Attributes:
+        robot_time_ns: newest robot time heard of.
+        lengths_m: rest lengths last sent.
+        predicted: the twin's face; None if there is no twin. Its `settled` says that the twin is at rest.
+        observed: the newest observation; None if nobody ever looked.
+        observer: somebody looks all the time (the virtual prototype's observer, a camera), so an observation will come.
+    """
+
+    robot_time_ns: int
+    lengths_m: Lengths
+    predicted: Seen | None
+    observed: Seen | None
+    observer: bool
+
+
+@dataclass(frozen=True)
+class RollPlan:
+    """One gait: `source` to `target` by driving to `lengths_m` and back."""
+
+    source: str
+    target: str
+    lengths_m: Lengths
+
+
+@dataclass(frozen=True)
+class RollRules:
+    """How a roll is judged.
+
+    Attributes:
+        neutral_m: neutral lengths.
+        observe: the outcome needs an observation; else the twin's prediction is enough.
+        settle_timeout_s: longest wait for rest, and for an observer's word of it, after a motion.
+        confirm_timeout_s: longest wait for a person's word where no observer looks.
+    """
+
+    neutral_m: Lengths
+    observe: bool
+    settle_timeout_s: float
+    confirm_timeout_s: float
+
+
+@dataclass(frozen=True)
+class Move:
+    """Do this next: drive to `lengths_m`, then call `moved`."""
+
+    phase: Phase
+    lengths_m: Lengths
+
+
+@dataclass(frozen=True)
+class RollOutcome:
+    """The roll is over; `completed` says that both motions were made and the robot was judged."""
+
+    success: bool
+    reason: str
+    predicted_face: str
+    observed_face: str
+    faces: tuple[str, ...]
+    duration_s: float
+    completed: bool = True
+
+
+@dataclass
+class RollSequence:
+    """One roll.
+
+    Args:
+        rules: how it is judged.
+        plan_from: makes the plan when the face to start from is known; raises RollRefused.
+    """
+
+    rules: RollRules
+    plan_from: Callable[[str], RollPlan]
+    phase: Phase = Phase.ACTUATE
+    plan: RollPlan | None = None
+    _faces: list[str] = field(default_factory=list)
+    _failure: str = ""
+    _began_ns: int | None = None
+    _moved_ns: int = 0
+
+    def begin(self, view: View) -> Move:
+        """The first move. Raises RollRefused: the face is not known, or no plan leads from it."""
+        source = known_face(view)
+        plan = self.plan_from(source)  # asked in any case: a roll that cannot be is refused before anything moves
+        self._faces = [source]
+        self._began_ns = self._moved_ns = view.robot_time_ns
+        away_m = max(abs(length - neutral) for length, neutral in zip(view.lengths_m, self.rules.neutral_m, strict=True))
+        if away_m > NEUTRAL_TOLERANCE_M:
+            return self._move(Phase.TO_NEUTRAL, self.rules.neutral_m)
+        self.plan = plan
+        return self._move(Phase.ACTUATE, plan.lengths_m)
+
+    def moved(self, view: View) -> None:
+        """The motion asked for has been sent to its end."""
+        self._moved_ns = view.robot_time_ns
+        self.phase = _SETTLE_AFTER[self.phase]
+
+    def look(self, view: View) -> Move | RollOutcome | None:
+        """What is known has changed, or time has passed; what to do now, if anything. Raises RollRefused as `begin`."""
+        self._follow_faces(view)
+        if self.phase is Phase.CONFIRM:
+            return self._confirm(view)
+        if self.phase not in _SETTLE_AFTER.values():
+            return None
+        waited_s = (view.robot_time_ns - self._moved_ns) * 1e-9
+        missing = self._missing(view)
+        if missing and waited_s <= self.rules.settle_timeout_s:
+            return None
+        settled = not missing or (self.rules.observe and self._seen_since(view) is not None)
+        if not settled:
+            self._fail(f"{missing} within {self.rules.settle_timeout_s:g} s")
+        if self.phase is Phase.TO_NEUTRAL_SETTLE:
+            return self._start_from_neutral(view)
+        if settled:
+            self._judge(view)
+        if self.phase is Phase.ACTUATE_SETTLE:
+            return self._move(Phase.RETURN, self.rules.neutral_m)
+        if self.rules.observe and not view.observer and not self._failure:
+            self.phase = Phase.CONFIRM
+            return self._confirm(view)
+        return self.end(view)
+
+    def end(self, view: View, reason: str = "") -> RollOutcome:
+        """The roll ends here; a reason makes it a failure."""
+        self._follow_faces(view)
+        if reason:
+            self._fail(reason)
+        began_ns = self._moved_ns if self._began_ns is None else self._began_ns
+        seen = self._seen_since(view)
+        return RollOutcome(
+            success=not self._failure,
+            reason=self._failure,
+            predicted_face=(view.predicted.face or "") if view.predicted else "",
+            observed_face=(seen.face or "") if seen else "",
+            faces=tuple(self._faces),
+            duration_s=(self._moved_ns - began_ns) * 1e-9,
+            completed=not reason and self.phase in (Phase.RETURN_SETTLE, Phase.CONFIRM),
+        )
+
+    # ---- parts ------------------------------------------------------------------------------------------------------
+
+    def _move(self, phase: Phase, lengths_m: Lengths) -> Move:
+        self.phase = phase
+        return Move(phase, lengths_m)
+
+    def _start_from_neutral(self, view: View) -> Move | RollOutcome:
+        if self._failure:
+            return self.end(view)
+        self.plan = self.plan_from(known_face(view))
+        self._faces = [self.plan.source]
+        return self._move(Phase.ACTUATE, self.plan.lengths_m)
+
+    def _seen_since(self, view: View) -> Seen | None:
+        """Where somebody saw the robot at rest since the last motion."""
+        seen = view.observed
+        return seen if seen is not None and seen.settled and seen.robot_time_ns > self._moved_ns else None
+
+    def _missing(self, view: View) -> str:
+        """What is not there yet after a motion; nothing if the robot has settled."""
+        twin = view.predicted
+        needs_observer = self.rules.observe and view.observer
+        if needs_observer and self._seen_since(view) is None:
+            return "no observer saw the robot at rest"
+        if not needs_observer and twin is None:
+            return "no twin is there to predict the face"
+        if twin is not None and not (twin.settled and twin.robot_time_ns > self._moved_ns):
+            return "the twin is not at rest"
+        return ""
+
+    def _stands_on(self, view: View) -> Seen | None:
+        """The face after a motion: observed since then, else predicted."""
+        return (self._seen_since(view) if self.rules.observe else None) or view.predicted
+
+    def _judge(self, view: View) -> None:
+        assert self.plan is not None
+        stands = self._stands_on(view)
+        if stands is not None and stands.face != self.plan.target:
+            when = "actuation" if self.phase is Phase.ACTUATE_SETTLE else "the return"
+            where = f"on {stands.face}" if stands.face else "on no face"
+            self._fail(f"after {when} the robot stands {where} ({stands.source}), not on {self.plan.target}")
+
+    def _confirm(self, view: View) -> RollOutcome | None:
+        if self._seen_since(view) is not None:
+            self._judge(view)
+            return self.end(view)
+        if (view.robot_time_ns - self._moved_ns) * 1e-9 <= self.rules.confirm_timeout_s:
+            return None
+        told = (view.predicted.face if view.predicted else None) or "no face"
+        return self.end(
+            view,
+            f"nobody said within {self.rules.confirm_timeout_s:g} s on which face the robot stands (the twin predicts {told}); "
+            "call set_face, or start the planner with confirm:=predicted",
+        )
+
+    def _follow_faces(self, view: View) -> None:
+        teller = view.observed if view.observer else view.predicted
+        if teller is None or not teller.face or teller.robot_time_ns < (self._began_ns or 0):
+            return
+        if self._faces and teller.face != self._faces[-1]:
+            self._faces.append(teller.face)
+
+    def _fail(self, reason: str) -> None:
+        self._failure = self._failure or reason
+
+
+def known_face(view: View) -> str:
+    """The face known now: observed, else predicted. Raises RollRefused if there is none."""
+    known = view.observed or view.predicted
+    if known is None:
+        raise RollRefused("nobody knows the face: start the twin, or say it with set_face")
+    if not known.face:
+        raise RollRefused(f"the robot stands on no face ({known.source}): set it on one and say so with set_face")
+    return known.face

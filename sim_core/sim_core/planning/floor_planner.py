@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ways over the floor: where each roll takes the robot, and the likeliest sequence of rolls to a goal.
+
+Standing at rest on a face, the robot turns over an edge of its base onto the neighbour: the two nodes of that edge stay where
+they are. So a *stance* (face, heading, place) and an edge give the next stance, from the shape at rest alone.
+"""
+
+import heapq
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_core.dynamics.model import Model
+from sim_core.dynamics.robot import Robot
+from sim_core.errors import LibraryError
+from sim_core.gaits.climb_limits import usual_deg
+from sim_core.gaits.library import Gait
+from sim_core.planning.face_graph import Choice, FaceGraph
+from sim_core.structure.arrays import Array
+from sim_core.structure.symmetry import GROUP, TC_TO, TO_TC
+from sim_core.structure.topology import FACES, NEIGHBOURS, require_face
+
+REACH_M = 0.08
+"""Default distance from the goal that counts as there: a roll goes about so far, so no route can promise to come much nearer."""
+ROLL_COST = 0.02
+"""What a sure roll costs beside its improbability, as −log: of equally likely routes the shorter one."""
+CELL_M, CELL_RAD = 0.01, math.radians(10.0)
+"""Stances nearer than this to each other are taken for one."""
+MOST_STANCES = 50_000
+TACKS = (1.0, 1.25, 1.5, 2.0, 3.0)
+"""How much longer than straight a way uphill is thought of being."""
+Lean = tuple[float, float]
+"""Which way the ground leans, a vector that points downhill: a roll in the direction of the unit vector u, by a gait that climbs s
+degrees, is likelier than on level ground by lean·u/s logits."""
+LEVEL: Lean = (0.0, 0.0)
+
+
+class Stance(NamedTuple):
+    """Where the robot stands.
+
+    Attributes:
+        face: it rests on.
+        x_m, y_m: its nodes' centre on the floor.
+        yaw_rad: turn about the vertical from the attitude of `Robot.resting_on(model, face)`.
+    """
+
+    face: str
+    x_m: float
+    y_m: float
+    yaw_rad: float
+
+    def distance_m(self, goal_m: tuple[float, float]) -> float:
+        """Distance from a place on the floor."""
+        return math.hypot(goal_m[0] - self.x_m, goal_m[1] - self.y_m)
+
+
+class Way(NamedTuple):
+    """Rolls to a goal.
+
+    Attributes:
+        stances: from the first to the last.
+        choices: the most reliable gait of each roll.
+        probability: that all of them work at first try, taken as independent.
+        left_m: distance from the goal at the end.
+        reaches: it is within what was asked for.
+    """
+
+    stances: tuple[Stance, ...]
+    choices: tuple[Choice, ...]
+    probability: float
+    left_m: float
+    reaches: bool
+
+
+class Floor:
+    """The nominal robot's footprints at rest on level ground."""
+
+    def __init__(self, model: Model):
+        """Settle the robot on a face of either kind; the others' footprints are theirs, relabelled."""
+        settled = {face: _centred(Robot.resting_on(model, face).joints_m()) for face in (TC_TO.source, TO_TC.source)}
+        self._joints: Mapping[str, Array] = {face: _relabelled(settled, model, face) for face in FACES}
+        self._moves = {(source, target): self._move(source, target) for source, targets in NEIGHBOURS.items() for target in targets}
+        self.longest_m = max(math.hypot(x, y) for x, y, _ in self._moves.values())
+
+    def stance(self, face: str, joints_m: Array) -> Stance:
+        """The stance of a robot that rests on a face with its joints there, (12, 3) or (12, 2): the best fit.
+
+        Raises UnknownFaceError.
+        """
+        seen = np.asarray(joints_m, dtype=float)[:, :2]
+        center = seen.mean(axis=0)
+        return Stance(face, float(center[0]), float(center[1]), _turn(self._joints[require_face(face)], seen - center))
+
+    def joints_m(self, stance: Stance) -> Array:
+        """Where the twelve joints of a stance are above, (12, 2)."""
+        return np.asarray(_turned(self._joints[stance.face], stance.yaw_rad) + np.array((stance.x_m, stance.y_m)))
+
+    def rolled(self, stance: Stance, target: str) -> Stance:
+        """The stance after a roll onto an adjacent face. Raises KeyError: it is not adjacent."""
+        x, y, turn = self._moves[stance.face, target]
+        c, s = math.cos(stance.yaw_rad), math.sin(stance.yaw_rad)
+        yaw = math.remainder(stance.yaw_rad + turn, 2.0 * math.pi)
+        return Stance(target, stance.x_m + c * x - s * y, stance.y_m + s * x + c * y, yaw)
+
+    def _move(self, source: str, target: str) -> tuple[float, float, float]:
+        """Shift of the centre and turn, seen from the source's attitude: the common edge stays."""
+        edge = sorted(set(FACES[source]) & set(FACES[target]))
+        a, b = self._joints[source][edge], self._joints[target][edge]
+        turn = math.remainder(_heading(a) - _heading(b), 2.0 * math.pi)
+        shift = a.mean(axis=0) - _turned(b, turn).mean(axis=0)
+        return float(shift[0]), float(shift[1]), turn
+
+    def heading_rad(self, stance: Stance, target: str) -> float:
+        """Direction on the floor of a roll onto an adjacent face. Raises KeyError: it is not adjacent."""
+        x, y, _ = self._moves[stance.face, target]
+        return stance.yaw_rad + math.atan2(y, x)
+
+    def way(
+        self,
+        start: Stance,
+        goal_m: tuple[float, float],
+        graph: FaceGraph,
+        reach_m: float = REACH_M,
+        lean: Lean = LEVEL,
+        climbs_deg: Callable[[Gait], float] = usual_deg,
+    ) -> Way:
+        """The likeliest rolls to within `reach_m` of a goal (A* over stances, by −log of their probability and length).
+
+        If none of MOST_STANCES looked at is that near, the way to the nearest one. On ground that leans, a gait that climbs steeper
+        (`climbs_deg`) is preferred uphill.
+
+        Raises:
+            LibraryError: the library has no gait from there.
+        """
+        best = {pair: _undominated(graph.choices(*pair), climbs_deg, lean) for pair in self._moves}
+        ways = [one for ones in best.values() for one in ones]
+        surest = max((choice.probability for choice, _ in ways), default=1.0)
+        climbs = [deg for _, deg in ways] or [1.0]
+
+        def ahead(stance: Stance) -> float:
+            left_m = stance.distance_m(goal_m)
+            if left_m <= reach_m:
+                return 0.0
+            rolls = (left_m - reach_m) / self.longest_m
+            x, y = (goal_m[0] - stance.x_m) / left_m, (goal_m[1] - stance.y_m) / left_m
+            down = lean[0] * x + lean[1] * y
+            return _least_cost(rolls, surest, down / (max(climbs) if down < 0.0 else min(climbs)))
+
+        nodes: list[tuple[Stance, int, Choice | None]] = [(start, -1, None)]
+        costs = {_cell(start): 0.0}
+        queue = [(ahead(start), 0)]
+        nearest, closed = 0, set[tuple[str, int, int, int]]()
+        while queue and len(nodes) < MOST_STANCES:
+            _, number = heapq.heappop(queue)
+            stance = nodes[number][0]
+            cell = _cell(stance)
+            if cell in closed:
+                continue
+            closed.add(cell)
+            if stance.distance_m(goal_m) < nodes[nearest][0].distance_m(goal_m):
+                nearest = number
+            if stance.distance_m(goal_m) <= reach_m:
+                return self._way(nodes, number, goal_m, reach_m)
+            for target in NEIGHBOURS[stance.face]:
+                heading = self.heading_rad(stance, target)
+                down = lean[0] * math.cos(heading) + lean[1] * math.sin(heading)
+                likely = [(_leaned(choice.probability, down / deg), choice) for choice, deg in best[stance.face, target]]
+                here, choice = max(likely, key=lambda one: one[0], default=(0.0, None))
+                if here <= 0.0 or choice is None:
+                    continue
+                there = self.rolled(stance, target)
+                cost = costs[cell] + ROLL_COST - math.log(here)
+                if cost < costs.get(_cell(there), math.inf):
+                    costs[_cell(there)] = cost
+                    nodes.append((there, number, choice._replace(probability=here)))
+                    heapq.heappush(queue, (cost + ahead(there), len(nodes) - 1))
+        if len(nodes) == 1:
+            raise LibraryError(f"library {graph.library.name} has no gait from {start.face}")
+        return self._way(nodes, nearest, goal_m, reach_m)
+
+    def _way(self, nodes: list[tuple[Stance, int, Choice | None]], end: int, goal_m: tuple[float, float], reach_m: float) -> Way:
+        stances: list[Stance] = []
+        choices: list[Choice] = []
+        number = end
+        while number >= 0:
+            stance, before, choice = nodes[number]
+            stances.append(stance)
+            if choice is not None:
+                choices.append(choice)
+            number = before
+        left = nodes[end][0].distance_m(goal_m)
+        probability = math.prod(choice.probability for choice in choices)
+        return Way(tuple(reversed(stances)), tuple(reversed(choices)), probability, left, left <= reach_m)
+
+
+def _undominated(choices: Sequence[Choice], climbs_deg: Callable[[Gait], float], lean: Lean) -> list[tuple[Choice, float]]:
+    """Of gaits for one roll, the surest first: those that may be the best in some direction, with how steep they climb."""
+    kept: list[tuple[Choice, float]] = []
+    for choice in choices if lean != LEVEL else choices[:1]:
+        deg = climbs_deg(choice.gait)
+        if not kept or deg > kept[-1][1]:
+            kept.append((choice, deg))
+    return kept
+
+
+def _centred(joints_m: Array) -> Array:
+    return joints_m[:, :2] - joints_m[:, :2].mean(axis=0)
+
+
+def _relabelled(settled: Mapping[str, Array], model: Model, face: str) -> Array:
+    """The footprint on a face from that of its kind, in the attitude in which the robot is placed on it."""
+    element, own = next((g, own) for g in GROUP for source, own in settled.items() if g.face(source) == face)
+    joints = np.empty_like(own)
+    joints[list(element.nodes)] = own if element.proper else own * (1.0, -1.0)
+    return _turned(joints, _turn(joints, _centred(Robot.placed_on(model, face).joints_m())))
+
+
+def _cell(stance: Stance) -> tuple[str, int, int, int]:
+    turns = round(2.0 * math.pi / CELL_RAD)
+    return stance.face, round(stance.x_m / CELL_M), round(stance.y_m / CELL_M), round(stance.yaw_rad / CELL_RAD) % turns
+
+
+def _least_cost(rolls: float, surest: float, logits: float) -> float:
+    """What so many rolls' length straight ahead cost at least, where a roll in that direction is worth `logits` more.
+
+    Straight, if that is downhill; uphill also with more rolls that climb less each: costs are convex in the heading, so no zigzag
+    is cheaper than all its rolls alike (Jensen), up to the coarseness of TACKS.
+    """
+    longer = TACKS if logits < 0.0 else TACKS[:1]
+    return min(rolls * n * (ROLL_COST - math.log(max(_leaned(surest, logits / n), 1e-6))) for n in longer)
+
+
+def _leaned(probability: float, logits: float) -> float:
+    """A probability after so many logits are added to its own."""
+    if logits == 0.0 or probability <= 0.0 or probability >= 1.0:
+        return probability
+    return probability / (probability + (1.0 - probability) * math.exp(-logits))
+
+
+def _heading(edge: Array) -> float:
+    return math.atan2(edge[1, 1] - edge[0, 1], edge[1, 0] - edge[0, 0])
+
+
+def _turned(points: Array, angle: float) -> Array:
+    c, s = math.cos(angle), math.sin(angle)
+    return np.asarray(points @ np.array([[c, s], [-s, c]]))
+
+
+def _turn(points: Array, seen: Array) -> float:
+    """The turn that fits points best onto seen ones, both about their centres (least squares)."""
+    cross = points[:, 0] @ seen[:, 1] - points[:, 1] @ seen[:, 0]
+    return math.atan2(float(cross), float((points * seen).sum()))

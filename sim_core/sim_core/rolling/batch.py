@@ -1,0 +1,348 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many rolls at once: eight robots in the lanes of the vector unit, blocks of lanes over the cores.
+
+Robots may differ (perturbed prototypes, slopes, first faces, policies). A lane whose roll is over takes the next job, so none
+waits for another. A robot's bits do not depend on its lane, its neighbours or the number of threads: each lane computes what
+`roll` does.
+"""
+
+import os
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim_core.dynamics import vfife as k
+from sim_core.dynamics.footing import center_of_mass
+from sim_core.dynamics.jit_cache import njit
+from sim_core.dynamics.model import Model
+from sim_core.dynamics.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
+from sim_core.dynamics.simd import ALIGNMENT, WIDTH
+from sim_core.errors import ModelError
+from sim_core.rolling import quasi_static as q
+from sim_core.rolling import roll_monitor as w
+from sim_core.rolling.roll import RollResult, face_number, result_of, rules_of, samples_of, tolerance_of
+from sim_core.rolling.roll_monitor import SAMPLE_S
+from sim_core.structure.arrays import Array
+from sim_core.structure.elements import PREVIOUS
+from sim_core.structure.policy import Policy, lengths_of, neutral_lengths
+
+
+class Job(NamedTuple):
+    """One roll: which model (index), from which face, with which policy, onto which face (None: whatever it lands on)."""
+
+    model: int
+    source: str
+    policy: Policy
+    target: str | None = None
+
+
+class Shared(NamedTuple):
+    """What all robots of a batch have in common."""
+
+    dt: float
+    zeta: float
+    reach: float
+    chunk: int
+    struts: int
+    static: bool
+    tolerance: float
+
+
+class Robots(NamedTuple):
+    """What differs from model to model.
+
+    Attributes:
+        par: kernel rows, (m, rows).
+        body: bodies, (m, rows); (0, rows) if all models have the same.
+        mass: masses of the particles, (m, P).
+        carry: force above which a joint carries, (m,).
+        down: direction of gravity, (m, 3).
+    """
+
+    par: Array
+    body: Array
+    mass: Array
+    carry: Array
+    down: Array
+
+
+def aligned_rows(rows: int) -> Array:
+    """Zeros, shape (rows, WIDTH), every row aligned as the lanes need it."""
+    raw = np.zeros(rows * WIDTH + ALIGNMENT // 8)
+    start = -raw.ctypes.data % ALIGNMENT // 8
+    return raw[start : start + rows * WIDTH].reshape(rows, WIDTH)
+
+
+@njit(nogil=True, cache=True)
+def _run(  # noqa: PLR0912 (all that happens to a lane, in one compiled loop)
+    state: Array,
+    par: Array,
+    work: Array,
+    track: Array,
+    assembly: k.Assembly,
+    shared: Shared,
+    rules: w.Rules,
+    robots: Robots,
+    starts: Array,
+    jobs: NDArray[np.int64],
+    neutral: Array,
+    targets: Array,
+    records: Array,
+    peaks: Array,
+    centers: Array,
+) -> None:
+    """Run jobs (model, start, source face, aim) one after the other through eight lanes."""
+    job_of_lane = np.full(WIDTH, -1)
+    running = jobs.shape[0] - jobs.shape[0]  # a variable zero: a literal one would have `_load` compiled twice
+    following = running
+    for lane in range(WIDTH):
+        if following < jobs.shape[0]:
+            _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
+            job_of_lane[lane] = following
+            following += 1
+            running += 1
+        else:  # an idle lane repeats the first robot
+            for rows in (state, par, work):
+                _copy(rows[:, 0], rows[:, lane])
+            _copy_body(assembly.body, lane)
+    while running > 0:
+        if shared.static:
+            q.relax(state, par, work, track, assembly, shared.dt, shared.reach, q.LOOK_STEPS)
+        else:
+            k.advance(state, par, work, assembly, shared.dt, shared.zeta, shared.reach, shared.chunk)
+        for lane in range(WIDTH):
+            job = job_of_lane[lane]
+            if job < 0:
+                continue
+            own = _own(rules, robots, jobs[job, 0])
+            if shared.static:
+                q.look(state[:, lane], work[:, lane], track[:, lane], records[job], own, shared.struts, shared.tolerance)
+            else:
+                w.look(state[:, lane], work[:, lane], records[job], own, shared.struts)
+            if records[job, w.PHASE] <= w.RETURNING:
+                continue
+            for s in range(6):
+                peaks[job, s] = state[shared.struts + s * k.STRUT_ROWS + k.PEAK, lane]
+            center_of_mass(state[:, lane], own.mass, centers[job])
+            if following < jobs.shape[0]:
+                _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
+                for row in range(track.shape[0]):
+                    track[row, lane] = 0.0
+                job_of_lane[lane] = following
+                following += 1
+            else:
+                job_of_lane[lane] = -1
+                running -= 1
+
+
+@njit(cache=True)
+def _copy(source: Array, to: Array) -> None:
+    """Copy a column: a slice assignment compiles ten times as long, for its messages about shapes."""
+    for row in range(to.shape[0]):
+        to[row] = source[row]
+
+
+@njit(cache=True)
+def _own(rules: w.Rules, robots: Robots, model: int) -> w.Rules:
+    """The rules with one robot's own numbers."""
+    return w.Rules(
+        robots.mass[model],
+        robots.carry[model],
+        robots.down[model],
+        rules.rest_speed_m_s,
+        rules.hold_samples,
+        rules.timeout_samples,
+        rules.strut_diameter_m,
+        rules.box_radius_m,
+        rules.particles,
+        rules.face_of_joints,
+        rules.face_joints,
+        rules.strut_ends,
+    )
+
+
+@njit(cache=True)
+def _load(
+    state: Array,
+    par: Array,
+    work: Array,
+    assembly: k.Assembly,
+    lane: int,
+    job: int,
+    shared: Shared,
+    rules: w.Rules,
+    robots: Robots,
+    starts: Array,
+    jobs: NDArray[np.int64],
+    neutral: Array,
+    targets: Array,
+    records: Array,
+) -> None:
+    """Put a job's robot, settled, into a lane."""
+    model, start = jobs[job, 0], jobs[job, 1]
+    rows = state.shape[0]
+    _copy(starts[start, :rows], state[:, lane])
+    _copy(starts[start, rows:], work[:, lane])
+    _copy(robots.par[model], par[:, lane])
+    _put_body(assembly.body, lane, robots.body, model)
+    own = _own(rules, robots, model)
+    w.begin(state[:, lane], work[:, lane], records[job], own, shared.struts, jobs[job, 2], jobs[job, 3], neutral[model])
+    for s in range(6):
+        state[shared.struts + s * k.STRUT_ROWS + k.TARGET, lane] = targets[job, s]
+    if shared.static:
+        q.step_lengths(state[:, lane], shared.struts)
+
+
+@njit(cache=True)
+def _put_body(body: Array, lane: int, bodies: Array, model: int) -> None:
+    """Put a model's body into a lane, where lanes have their own."""
+    if body.ndim == 2:
+        _copy(bodies[model], body[:, lane])
+
+
+@njit(cache=True)
+def _copy_body(body: Array, lane: int) -> None:
+    """Put the first lane's body into another, where lanes have their own."""
+    if body.ndim == 2:
+        _copy(body[:, 0], body[:, lane])
+
+
+@njit(nogil=True, cache=True)
+def _settle(state: Array, par: Array, work: Array, assembly: k.Assembly, dt: float, zeta: float, reach: float, steps: int) -> None:
+    k.advance(state, par, work, assembly, dt, zeta, reach, steps)
+
+
+def _family(model: Model) -> tuple[object, ...]:
+    """What the models of a batch must have in common."""
+    e, assembly = model.elements, model.assembly
+    return model.kind, assembly.particles, assembly.isotropic, model.cable_order.tolist(), model.dt_s, e.zeta_1_s, model.prototype
+
+
+class Batch:
+    """Runs rolls of a set of models with the same structure, step and rules.
+
+    Attributes:
+        models: what `Job.model` counts.
+    """
+
+    def __init__(self, models: Sequence[Model], threads: int | None = None):
+        """Args: threads: default all cores. Raises ModelError if the models do not fit together."""
+        if not models:
+            raise ModelError("a batch needs at least one model")
+        first = models[0]
+        for number, model in enumerate(models):
+            if _family(model) != _family(first):
+                raise ModelError(f"model {number} of the batch differs from model 0 in kind, structure, step, damping or prototype")
+        self.models = tuple(models)
+        self._threads = threads or os.cpu_count() or 1
+        self._rules = rules_of(first)
+        each = [rules_of(model) for model in models]
+        self._robots = Robots(
+            np.array([model.par for model in models]),
+            self._bodies(),
+            np.array([rules.mass for rules in each]),
+            np.array([rules.carry_n for rules in each]),
+            np.array([rules.down for rules in each]),
+        )
+        reach = max(model.reach_m for model in models)
+        chunk = samples_of(first, SAMPLE_S)
+        self._shared = Shared(
+            first.dt_s, first.elements.zeta_1_s, reach, chunk, first.layout.struts, first.kind == PREVIOUS, tolerance_of(first)
+        )
+        self._neutral = np.array([model.rest_lengths(neutral_lengths(model.prototype)) for model in models])
+        self._starts: dict[tuple[int, str], Array] = {}
+
+    def run(self, jobs: Sequence[Job], report: Callable[[int, int], None] = lambda done, total: None) -> list[RollResult]:
+        """Run every job; results in the jobs' order.
+
+        Args:
+            jobs: the rolls.
+            report: called with (jobs done, total) now and then.
+        """
+        self.settle([(job.model, job.source) for job in jobs])
+        keys = sorted({(job.model, job.source) for job in jobs})
+        place = {key: number for number, key in enumerate(keys)}
+        starts = np.array([self._starts[key] for key in keys])
+        results: list[RollResult | None] = [None] * len(jobs)
+        # robots on the same face have the same joints near the ground: neighbours then do the same work
+        order = sorted(range(len(jobs)), key=lambda number: (jobs[number].source, number))
+        share = max(WIDTH * 2, min(WIDTH * 32, -(-len(jobs) // self._threads)))
+        parts = [order[at : at + share] for at in range(0, len(jobs), share)]
+        done = 0
+        with ThreadPoolExecutor(self._threads) as pool:
+            for part, outcome in zip(
+                parts, pool.map(lambda p: self._part([jobs[i] for i in p], place, starts), parts), strict=True
+            ):
+                for number, result in zip(part, outcome, strict=True):
+                    results[number] = result
+                done += len(part)
+                report(done, len(jobs))
+        return [result for result in results if result is not None]
+
+    def _bodies(self) -> Array:
+        """Every model's body, (m, rows); (0, rows) if all are the same, which lets the lanes share it."""
+        bodies = np.array([model.assembly.body for model in self.models])
+        return bodies[:0] if (bodies == bodies[0]).all() else bodies
+
+    def _part(self, jobs: list[Job], place: dict[tuple[int, str], int], starts: Array) -> list[RollResult]:
+        count, first = len(jobs), self.models[0]
+        table = np.array(
+            [
+                (job.model, place[job.model, job.source], face_number(job.source), face_number(job.target) if job.target else -1)
+                for job in jobs
+            ]
+        ).reshape(count, 4)
+        targets = np.array([self.models[job.model].rest_lengths(lengths_of(first.prototype, job.policy)) for job in jobs])
+        records, peaks, centers = np.zeros((count, w.RECORD)), np.zeros((count, 6)), np.zeros((count, 3))
+        state, par, work, assembly = self._rows()
+        _run(
+            state, par, work, aligned_rows(q.TRACK_ROWS), assembly, self._shared, self._rules, self._robots,
+            starts, table, self._neutral, targets, records, peaks, centers,
+        )  # fmt: skip
+        return [
+            result_of(self.models[job.model], job.source, job.policy, records[i], peaks[i], centers[i])
+            for i, job in enumerate(jobs)
+        ]
+
+    def _rows(self) -> tuple[Array, Array, Array, k.Assembly]:
+        """Rows for eight lanes, and the assembly, with a body for each lane if the models' differ."""
+        first = self.models[0]
+        lay, assembly = first.layout, first.assembly
+        if len(self._robots.body):
+            flat = all(model.assembly.flat for model in self.models)
+            assembly = assembly._replace(body=aligned_rows(lay.body_rows), flat=flat)
+        return aligned_rows(lay.state_rows), aligned_rows(lay.par_rows), aligned_rows(assembly.particles * k.WORK_ROWS), assembly
+
+    def settle(self, robots: Iterable[tuple[int, str]]) -> None:
+        """Settle models on faces, as `Robot.resting_on` does, unless they were before; `run` does so for its jobs."""
+        missing = sorted(set(robots) - self._starts.keys())
+        groups = [missing[at : at + WIDTH] for at in range(0, len(missing), WIDTH)]
+        with ThreadPoolExecutor(self._threads) as pool:
+            for group, settled in zip(groups, pool.map(self._settle_group, groups), strict=True):
+                self._starts.update(zip(group, settled, strict=True))
+
+    def _settle_group(self, group: list[tuple[int, str]]) -> list[Array]:
+        robots = [Robot.placed_on(self.models[model], face) for model, face in group]
+        state, par, work, assembly = self._rows()
+        for lane in range(WIDTH):
+            robot = robots[min(lane, len(robots) - 1)]
+            state[:, lane], work[:, lane] = robot.rows()
+            par[:, lane] = robot.model.par
+            if assembly.body.ndim == 2:
+                assembly.body[:, lane] = robot.model.assembly.body
+        first, shared = self.models[0], self._shared
+        steps = round(SETTLE_S * first.steps_per_second)
+        _settle(state, par, work, assembly, shared.dt, SETTLE_ZETA_1_S, shared.reach, steps)
+        out = []
+        for lane, robot in enumerate(robots):
+            robot.take_settled(state[:, lane], work[:, lane])
+            out.append(np.concatenate(robot.rows()))
+        return out
+
+
+def roll_many(models: Sequence[Model], jobs: Sequence[Job], threads: int | None = None) -> list[RollResult]:
+    """`roll` for many jobs at once; the same results, in the jobs' order."""
+    return Batch(models, threads).run(jobs)

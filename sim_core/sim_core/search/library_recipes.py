@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The plans of the shipped libraries: `./sixstrut search NAME` makes each of them again."""
+
+from dataclasses import replace
+
+from sim_core.search.genetic_search import SearchPlan
+from sim_core.search.training_robots import FittedTraining, Training
+from sim_core.structure.elements import PREVIOUS
+from sim_core.uncertainty.distribution import Law
+from sim_core.uncertainty.ensemble import Posterior
+
+LEVEL = Law(0.2)
+"""Training on level ground: twice the errors that a library is asked to survive everywhere."""
+INCLINED = Law(0.05, incline_deg=5.0)
+"""Ground slope is what stops plain primitives: uphill they do not tip."""
+
+PLANS = {
+    plan.name: plan
+    for plan in (
+        SearchPlan("improved"),
+        SearchPlan("previous", kind=PREVIOUS, generations=100_000),
+        SearchPlan(
+            "robust",
+            offspring=160,
+            polish=22,
+            apart_mm=8,
+            # two to one: uphill strength costs the TC6-TO5 rolls their tolerance of ill-made robots
+            training=(Training(LEVEL, 24, 11_001), Training(INCLINED, 12, 11_002)),
+            choice=(Training(LEVEL, 96, 12_001), Training(INCLINED, 48, 12_002)),
+        ),
+    )
+}
+
+FITTED_ROBOTS, FITTED_SEED = 32, 13_001
+FITTED_CHOICE, FITTED_CHOICE_SEED = 128, 14_001
+"""Drawn from a fitted ensemble, about as many as the plan `robust` has."""
+
+
+def fitted_to(posterior: Posterior) -> SearchPlan:
+    """The plan `robust`, trained on robots fitted to trials instead."""
+    training = FittedTraining(posterior, FITTED_ROBOTS, FITTED_SEED)
+    choice = FittedTraining(posterior, FITTED_CHOICE, FITTED_CHOICE_SEED)
+    return replace(PLANS["robust"], training=(training,), choice=(choice,))

@@ -1,0 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Monte Carlo over rolls: robustness, rehearsal, sensitivity, fits.
+
+May import every room here but `search` and `validation`.
+"""

@@ -1,0 +1,5 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which robots this one might be: laws, samples, ensembles, weights.
+
+May import `rolling`, `twin` and what those may import; not `planning`.
+"""

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a slow judge said is remembered; what it never saw is not permitted."""
+
+from hardware_bridge.safety.shape_cache import NOT_JUDGED, ShapeMemory
+from tests.hardware_bridge.helpers import MID, MID_M
+
+
+def long(length_m: float) -> tuple[float, ...]:
+    return (length_m, *MID[1:])
+
+
+def test_a_shape_is_judged_once() -> None:
+    asked: list[tuple[float, ...]] = []
+    memory = ShapeMemory(asked.append, 6e-4)
+    for _ in range(3):
+        assert memory.judge(MID) is None
+    assert memory.recall(MID) is None
+    assert len(asked) == 1
+
+
+def test_what_nobody_judged_is_not_permitted() -> None:
+    assert ShapeMemory(lambda shape: None, 6e-4).recall(MID) == NOT_JUDGED
+
+
+def test_between_permitted_shapes_a_frame_is_permitted() -> None:
+    memory = ShapeMemory(lambda shape: None, 6e-4)
+    memory.judge(long(MID_M))
+    memory.judge(long(MID_M + 1e-3))
+    assert memory.recall(long(MID_M + 4.7e-4)) is None
+    assert memory.recall(long(MID_M + 1.7e-3)) == NOT_JUDGED
+
+
+def test_near_a_refused_shape_nothing_is_permitted() -> None:
+    memory = ShapeMemory(lambda shape: "thin ice", 6e-4)
+    assert memory.judge(MID) == "thin ice"
+    assert memory.recall(MID) == "thin ice"
+    assert memory.recall(long(MID_M + 1e-4)) == NOT_JUDGED

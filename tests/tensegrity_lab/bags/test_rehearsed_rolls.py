@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""`sixstrut odds`: rehearsals in bags against what then happened."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from hardware_bridge.recording.bag_reader import BagError, read_session, seconds_of
+from tensegrity_lab.bags import rehearsed_rolls
+from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in
+from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_text
+from tests.sixstrut_cli.test_commands import sixstrut
+
+BAG = Path(__file__).parents[3] / "bags" / "example.mcap"
+
+
+def test_the_example_s_rolls_were_foretold_and_came(tmp_path):
+    picture = tmp_path / "odds.png"
+    result = sixstrut("odds", str(BAG), "--picture", str(picture), "--json")
+    assert result.returncode == 0, result.stderr
+    told = json.loads(result.stdout)
+    rehearsals = list(read_session(BAG).of("rehearsal"))
+    assert [(r["source"], r["target"], r["odds"]) for r in told["rolls"]] == [
+        (m.source_face, m.gaits[0].target_face, m.gaits[0].odds) for m in rehearsals
+    ]
+    assert told["observed"] == sum(r["won"] for r in told["rolls"]) / len(rehearsals)
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_roll_that_ended_elsewhere_failed_and_one_without_a_rehearsal_does_not_count(monkeypatch):
+    session = read_session(BAG)
+    rehearsed = session.messages["rehearsal"]
+    rehearsed.pop(1)
+    returning = max(seconds_of(m.header.stamp) for m in session.of("bridge/asked"))
+    for message in session.of("bridge/face"):
+        if seconds_of(message.header.stamp) > returning:
+            message.face = "TC1"
+    monkeypatch.setattr(rehearsed_rolls, "read_session", lambda path, topics: session)
+    found = foretold_in(BAG)
+    assert len(found) == 2
+    assert [one.won for one in found] == [True, False]
+    assert found[-1].ended == "TC1"
+
+
+def test_void_trials_do_not_count(monkeypatch):
+    all_of_them = foretold_in(BAG)
+    tries = rehearsed_rolls.attempts_of(read_session(BAG), 0.234)
+    facts = dict.fromkeys(("recorded", "session", "experimenter", "robot", "library", "library_hash", "primitive"), "")
+    line = Line(
+        event=Event.TRIAL, number=1, **facts, virtual_robot=True, roll_class="", source="", target="", repeat=1, proper=True,
+        policy_mm=(), odds=1.0, predicted=True, outcome=Outcome.VOID, began=utc_text(round(1e9 * (tries[1].began_s - 0.2))),
+    )  # fmt: skip
+    monkeypatch.setattr(rehearsed_rolls, "lines_in_bag", lambda path: [line])
+    assert foretold_in(BAG) == [all_of_them[0], all_of_them[2]]
+    success = replace(line, outcome=Outcome.SUCCESS)
+    monkeypatch.setattr(rehearsed_rolls, "lines_in_bag", lambda path: [success])
+    assert foretold_in(BAG) == all_of_them
+
+
+def test_a_folder_without_bags_is_refused(tmp_path):
+    with pytest.raises(BagError, match="holds no bag"):
+        bags_of([tmp_path])
+    (tmp_path / "bags").mkdir()
+    (tmp_path / "bags" / "a.mcap").touch()
+    assert bags_of([tmp_path, tmp_path / "bags" / "a.mcap"]) == [tmp_path / "bags" / "a.mcap"]

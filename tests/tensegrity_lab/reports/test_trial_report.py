@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report: every number in its page and tables follows from the ledgers, and from nothing else."""
+
+import base64
+import csv
+import re
+from dataclasses import replace
+
+import pytest
+from scipy import stats
+
+from tensegrity_lab.errors import SessionError
+from tensegrity_lab.reports.trial_analysis import Group
+from tensegrity_lab.reports.trial_report import TrialReport
+from tensegrity_lab.session_data.ledger import Ledger
+from tensegrity_lab.session_data.ledger_line import Event, Outcome
+from tests.sixstrut_cli.test_commands import sixstrut
+from tests.tensegrity_lab.trials.sessions import add, begun, planned, try_all
+
+PLAN = planned("1-3,21-22")
+
+
+def rows(path):
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def good(tmp_path_factory):
+    """Every seventh trial fails."""
+    folder = begun(tmp_path_factory.mktemp("s") / "good", PLAN)
+    try_all(folder, {index: Outcome.FAILURE if index % 7 == 3 else Outcome.SUCCESS for index in range(len(PLAN))})
+    return folder
+
+
+@pytest.fixture(scope="module")
+def bad(tmp_path_factory):
+    """Mirrored gaits fail, some trials are void, one is revoked, half is not done yet."""
+    folder = begun(tmp_path_factory.mktemp("s") / "bad", PLAN, robot="virtual two")
+    ledger = Ledger(folder.path)
+    for index, slot in enumerate(PLAN[: len(PLAN) // 2]):
+        if index % 10 == 0:
+            add(ledger, slot, Outcome.VOID, "virtual two")
+        last = add(ledger, slot, Outcome.SUCCESS if slot.proper or index % 4 == 0 else Outcome.FAILURE, "virtual two")
+    ledger.append(replace(last, event=Event.REVOKE))
+    return folder
+
+
+@pytest.fixture(scope="module")
+def written(good, bad, tmp_path_factory):
+    """What the command leaves and says."""
+    target = tmp_path_factory.mktemp("report")
+    result = sixstrut("report", str(good.path), "--against", str(bad.path), "-o", str(target))
+    assert result.returncode == 0, result.stderr
+    return target, result.stdout
+
+
+def test_rates_and_intervals_follow_from_the_trials_alone(written):
+    target, _ = written
+    trials = [row for row in rows(target / "trials.csv") if row["revoked"] == "false" and row["outcome"] in ("success", "failure")]
+    told = rows(target / "primitives.csv")
+    assert {row["group"] for row in told} == {"a", "b"}
+    for row in told:
+        own = [t["outcome"] == "success" for t in trials if (t["group"], t["primitive"]) == (row["group"], row["primitive"])]
+        interval = stats.binomtest(sum(own), len(own)).proportion_ci(method="exact")
+        assert (int(row["successes"]), int(row["trials"])) == (sum(own), len(own))
+        assert (float(row["low"]), float(row["high"])) == pytest.approx(tuple(interval))
+
+
+def test_tests_follow_from_the_rates(written):
+    target, printed = written
+    rates = {g: [float(row["rate"]) for row in rows(target / "primitives.csv") if row["group"] == g] for g in "ab"}
+    told = {(row["group"], row["test"].split(",")[0]): row for row in rows(target / "tests.csv")}
+    expected = stats.mannwhitneyu(rates["a"], rates["b"], method="asymptotic")
+    assert float(told["a, b", "Mann-Whitney U"]["statistic"]) == expected.statistic
+    assert float(told["a, b", "Mann-Whitney U"]["p"]) == pytest.approx(expected.pvalue)
+    assert f"U = {expected.statistic:g}" in printed
+    assert float(told["b", "proper against improper"]["p"]) < 1e-3
+    assert float(told["a", "proper against improper"]["p"]) > 0.05
+    assert ("a", "Kolmogorov-Smirnov") in told
+
+
+def test_void_and_revoked_trials_are_shown_and_do_not_count(written, bad):
+    target, _ = written
+    trials = [row for row in rows(target / "trials.csv") if row["group"] == "b"]
+    assert sum(row["outcome"] == "void" for row in trials) == 6
+    assert [row["revoked"] for row in trials].count("true") == 1
+    assert len(Group([bad.path]).lines) == len(PLAN) // 2 - 1
+
+
+def test_the_page_is_one_file_says_virtual_and_replays_every_trial(written, good):
+    target, printed = written
+    page = (target / "report.html").read_text(encoding="utf-8")
+    assert "These are virtual trials" in page
+    assert "These are virtual trials" in printed
+    assert not re.findall(r'(?:src|href)="(?!data:)', page)
+    pictures = re.findall(r'src="data:image/png;base64,([^"]+)"', page)
+    assert len(pictures) == 4
+    assert all(base64.b64decode(picture).startswith(b"\x89PNG") for picture in pictures)
+    assert f"./sixstrut replay {good.bags}/a.mcap --trial 5" in page
+    assert "treats the 24 different gaits of a primitive as exchangeable" in page, "intervals say what they take for granted"
+    assert "paper, improved model" in page
+    for name in ("figure8.png", "gaits_a.png", "gaits_b.png", "odds.png"):
+        assert (target / name).read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_same_sessions_give_the_same_tables(written, good, bad, tmp_path):
+    target, _ = written
+    TrialReport([good.path], [bad.path], "").write(tmp_path)
+    for name in ("primitives.csv", "gaits.csv", "tests.csv", "trials.csv"):
+        assert (tmp_path / name).read_bytes() == (target / name).read_bytes()
+
+
+def test_sessions_on_several_prototypes_are_bootstrapped_by_prototype(good, bad, tmp_path):
+    group = Group([good.path, bad.path])
+    assert group.robots == ["virtual one", "virtual two"]
+    interval = group.by_prototype()
+    rates = [Group([folder.path]).overall.value for folder in (good, bad)]
+    assert (interval.low, interval.high) == pytest.approx((min(rates), max(rates)))
+    page = TrialReport([good.path, bad.path], [], "").write(tmp_path).read_text(encoding="utf-8")
+    assert "2 prototypes; all trials, bootstrapped by prototype" in page
+    assert "needs a second group" in page
+
+
+def test_one_trial_is_enough_and_none_is_a_clear_error(tmp_path):
+    folder = begun(tmp_path / "new", PLAN)
+    try_all(folder, {0: Outcome.VOID})
+    result = sixstrut("report", str(folder.path))
+    assert result.returncode == 1
+    remedy = f"run `./sixstrut trial {folder.path}` first"
+    assert result.stderr.startswith(f"error: no trial of {folder.path} has an outcome yet: {remedy}")
+    add(Ledger(folder.path), PLAN[0], Outcome.SUCCESS)
+    report = TrialReport([folder.path], [], "")
+    assert report.groups[0].counts == (1, 1, 1, 1)
+    assert report.write(tmp_path / "report").exists()
+
+
+def test_what_is_no_session_or_does_not_belong_together_is_refused(good, tmp_path):
+    with pytest.raises(SessionError, match="is not a session of trials"):
+        Group([tmp_path])
+    with pytest.raises(SessionError, match="given twice"):
+        Group([good.path, good.path])
+    real = begun(tmp_path / "real", PLAN, robot="ours", virtual=False)
+    try_all(real, {0: Outcome.SUCCESS})
+    with pytest.raises(SessionError, match="do not belong together"):
+        Group([good.path, real.path])

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may find the robot: loopback by default, wider networks only by choice."""
+
+import ipaddress
+import os
+from pathlib import Path
+
+import pytest
+
+from tensegrity_lab.stack.processes import wait_until
+from tensegrity_robot.ros.discovery import PROFILES, RANGE, TRANSPORTS, discovery_changes, set_discovery
+
+PROFILE = Path(__file__)  # any file that exists
+
+
+def test_this_machine_only_is_the_default_and_what_localhost_means():
+    for environ in ({}, {RANGE: "LOCALHOST"}, {"RMW_IMPLEMENTATION": "rmw_fastrtps_cpp"}):
+        changes = discovery_changes(environ, PROFILE)
+        assert changes == {TRANSPORTS: "UDPv4", PROFILES: str(PROFILE), RANGE: "SYSTEM_DEFAULT"}
+
+
+@pytest.mark.parametrize(
+    "choice", [{RANGE: "SUBNET"}, {RANGE: "OFF"}, {RANGE: "SYSTEM_DEFAULT"}, {"ROS_STATIC_PEERS": "192.0.2.7"}]
+)
+def test_a_choice_of_the_user_stays(choice):
+    assert discovery_changes(choice, PROFILE) == {TRANSPORTS: "UDPv4"}
+
+
+@pytest.mark.parametrize("own", [{PROFILES: "/home/me/dds.xml"}, {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}])
+def test_another_profile_or_middleware_is_kept_to_localhost_by_ros_itself(own):
+    assert discovery_changes({**own, TRANSPORTS: "DEFAULT"}, PROFILE) == {RANGE: "LOCALHOST"}
+
+
+def addresses(pid: int) -> set[str]:
+    """Local addresses of a process's network sockets."""
+    descriptors = Path(f"/proc/{pid}/fd")
+    inodes = set()
+    for descriptor in descriptors.iterdir():
+        try:
+            name = os.readlink(descriptor)
+        except OSError:
+            continue
+        if name.startswith("socket:["):
+            inodes.add(name[8:-1])
+    found = set()
+    for protocol in ("udp", "udp6", "tcp", "tcp6"):
+        for line in Path(f"/proc/{pid}/net/{protocol}").read_text().splitlines()[1:]:
+            fields = line.split()
+            if fields[9] in inodes:
+                words = bytes.fromhex(fields[1].split(":")[0])
+                packed = b"".join(words[at : at + 4][::-1] for at in range(0, len(words), 4))
+                found.add(str(ipaddress.ip_address(packed)))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.ros
+def test_no_node_has_a_socket_on_any_other_interface(processes, operator):
+    processes.node("virtual_prototype", "--time-scale", "10").says("ready")
+    nodes = [processes.node(name) for name in ("hardware_bridge", "twin", "gait_planner")]
+    operator.wait_for_stack()
+    for node in nodes:
+        assert addresses(node.pid) == {"127.0.0.1"}, node.name
+
+
+@pytest.mark.ros
+def test_a_wider_network_is_a_choice(processes):
+    node = processes.node("hardware_bridge", environ={RANGE: "SUBNET"})
+    node.says("virtual_prototype")
+    wait_until(lambda: "0.0.0.0" in addresses(node.pid), 10.0, "sockets on every interface")
+
+
+def test_the_profile_is_installed(monkeypatch):
+    for name in (PROFILES, RANGE, TRANSPORTS, "ROS_STATIC_PEERS"):
+        monkeypatch.setenv(name, "")
+        monkeypatch.delenv(name)
+    set_discovery()
+    assert Path(os.environ[PROFILES]).exists()
