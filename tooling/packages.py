@@ -96,7 +96,7 @@ def _installer(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> It
 
 def _settings(layout: Layout, environ: Mapping[str, str]) -> str:
     """Pip's own, from its files and variables: lines such as `global.index-url='https://…'`."""
-    command = [layout.venv_python, "-m", "pip", "--disable-pip-version-check", "config", "list"]
+    command = [str(layout.venv_python), "-m", "pip", "--disable-pip-version-check", "config", "list"]
     return subprocess.run(command, env=environ, capture_output=True, text=True, check=False).stdout
 
 

@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from sim_core.rolling.batch import Job, roll_many
     from sim_core.rolling.roll import RollResult, Sample, roll
     from sim_core.structure.parameters import Prototype, load_prototype
-    from sim_core.structure.symmetry import class_of, rolls_of
+    from sim_core.structure.roll_classes import class_of, rolls_of
     from sim_core.studies.binomial_intervals import rate_of
     from sim_core.studies.rehearsal import Ensemble
-    from sim_core.uncertainty.distribution import Law, perturb
+    from sim_core.uncertainty.perturbation_law import Law, perturb
 
 __all__ = [
     "Ensemble",
@@ -60,10 +60,10 @@ _NAMES = {
     "rolling.batch": ("Job", "roll_many"),
     "rolling.roll": ("RollResult", "Sample", "roll"),
     "structure.parameters": ("Prototype", "load_prototype"),
-    "structure.symmetry": ("class_of", "rolls_of"),
+    "structure.roll_classes": ("class_of", "rolls_of"),
     "studies.binomial_intervals": ("rate_of",),
     "studies.rehearsal": ("Ensemble",),
-    "uncertainty.distribution": ("Law", "perturb"),
+    "uncertainty.perturbation_law": ("Law", "perturb"),
 }
 _MODULES = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -180,7 +180,7 @@ def test_a_command_that_loads_or_computes_says_first_what_it_does(tmp_path):
 
 
 def test_commands_accept_the_perturbations_that_the_model_does():
-    from sim_core.uncertainty.distribution import MAX_SCALE
+    from sim_core.uncertainty.perturbation_law import MAX_SCALE
     from sixstrut_cli.options import MOST_PERTURBATION
 
     assert MOST_PERTURBATION == MAX_SCALE

@@ -24,7 +24,7 @@ from sim_core.dynamics.actuators import STAND_IN, require_actuators
 from sim_core.errors import SimError
 
 MOST_INCLINE_DEG = 20.0
-"""`sim_core.uncertainty.distribution.MAX_INCLINE_DEG`, by value: to import it would load the solver for every `--help`."""
+"""`sim_core.uncertainty.perturbation_law.MAX_INCLINE_DEG`, by value: to import it would load the solver for every `--help`."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:

@@ -36,7 +36,7 @@ class SimulatedBody:
         from sim_core.dynamics.model import build_model
         from sim_core.dynamics.robot import Robot
         from sim_core.structure.parameters import load_prototype
-        from sim_core.uncertainty.distribution import inclined, inclined_towards, perturb
+        from sim_core.uncertainty.perturbation_law import inclined, inclined_towards, perturb
 
         prototype = load_prototype()
         if parameters is not None:

@@ -12,7 +12,8 @@ from sim_core.errors import LibraryError, PolicyError, brief
 from sim_core.files.bounded_reader import DATA
 from sim_core.files.yaml_reader import read_yaml_or, yaml_text
 from sim_core.structure.policy import Policy, checked_policy
-from sim_core.structure.symmetry import CLASSES, RollClass, carrier, class_of
+from sim_core.structure.roll_classes import CLASSES, RollClass, class_of
+from sim_core.structure.symmetry import carrier
 from sim_core.structure.topology import require_adjacent
 
 SCHEMA = 1

@@ -11,7 +11,7 @@ from sim_core.files.bounded_reader import DATA
 from sim_core.files.yaml_reader import read_yaml, yaml_text
 from sim_core.gaits.library import Gait, Library
 from sim_core.printable import printable
-from sim_core.structure.symmetry import rolls_of
+from sim_core.structure.roll_classes import rolls_of
 
 SCHEMA = 1
 MEANS = 9_998

@@ -19,7 +19,8 @@ from sim_core.gaits.climb_limits import usual_deg
 from sim_core.gaits.library import Gait
 from sim_core.planning.face_graph import Choice, FaceGraph
 from sim_core.structure.arrays import Array
-from sim_core.structure.symmetry import GROUP, TC_TO, TO_TC
+from sim_core.structure.roll_classes import TC_TO, TO_TC
+from sim_core.structure.symmetry import GROUP
 from sim_core.structure.topology import FACES, NEIGHBOURS, require_face
 
 REACH_M = 0.08

@@ -29,7 +29,8 @@ from sim_core.search.variation import offspring
 from sim_core.structure.elements import IMPROVED, KINDS
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import Policy, checked_policy
-from sim_core.structure.symmetry import CLASSES, RollClass, carrier
+from sim_core.structure.roll_classes import CLASSES, RollClass
+from sim_core.structure.symmetry import carrier
 from sim_core.studies.local_runner import Chunk, Runner, Trials, WhichRobot, joined, run_here
 
 CHUNK_JOBS = 256

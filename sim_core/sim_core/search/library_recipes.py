@@ -6,8 +6,8 @@ from dataclasses import replace
 from sim_core.search.genetic_search import SearchPlan
 from sim_core.search.training_robots import FittedTraining, Training
 from sim_core.structure.elements import PREVIOUS
-from sim_core.uncertainty.distribution import Law
 from sim_core.uncertainty.ensemble import Posterior
+from sim_core.uncertainty.perturbation_law import Law
 
 LEVEL = Law(0.2)
 """Training on level ground: twice the errors that a library is asked to survive everywhere."""

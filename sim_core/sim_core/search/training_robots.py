@@ -5,11 +5,12 @@ from typing import Any, NamedTuple
 
 from sim_core.rolling.batch import Job
 from sim_core.structure.policy import Policy, checked_policy
-from sim_core.structure.symmetry import RollClass, carrier, rolls_of
+from sim_core.structure.roll_classes import RollClass, rolls_of
+from sim_core.structure.symmetry import carrier
 from sim_core.structure.topology import PAIRS
 from sim_core.studies.local_runner import Draw, WhichRobot
-from sim_core.uncertainty.distribution import Law
 from sim_core.uncertainty.ensemble import Posterior
+from sim_core.uncertainty.perturbation_law import Law
 
 
 class Try(NamedTuple):

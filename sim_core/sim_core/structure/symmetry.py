@@ -9,12 +9,11 @@ pair, relabelled by that element, is a gait between that pair, in either directi
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import product
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim_core.structure.topology import FACE_OF_NODES, FACES, NODES, PAIRS, STRUTS, require_adjacent
+from sim_core.structure.topology import FACE_OF_NODES, FACES, NODES, STRUTS, require_adjacent
 
 REFERENCE_TC, REFERENCE_TO = "TC6", "TO5"
 
@@ -70,30 +69,3 @@ def carrier(source: str, target: str) -> Element:
     """
     require_adjacent(source, target)
     return CARRIERS[(source, target) if source.startswith("TC") else (target, source)]
-
-
-class RollClass(NamedTuple):
-    """One of the two classes of rolls, named by its reference pair."""
-
-    source: str
-    target: str
-
-    @property
-    def name(self) -> str:
-        """Its reference pair, such as TC6-TO5."""
-        return f"{self.source}-{self.target}"
-
-
-TC_TO = RollClass(REFERENCE_TC, REFERENCE_TO)
-TO_TC = RollClass(REFERENCE_TO, REFERENCE_TC)
-CLASSES = {roll_class.name: roll_class for roll_class in (TC_TO, TO_TC)}
-
-
-def class_of(source: str) -> RollClass:
-    """The class of the rolls that start on `source`."""
-    return TC_TO if source.startswith("TC") else TO_TC
-
-
-def rolls_of(roll_class: RollClass) -> tuple[tuple[str, str], ...]:
-    """The 24 (source, target) rolls of a class."""
-    return PAIRS if roll_class is TC_TO else tuple((to, tc) for tc, to in PAIRS)

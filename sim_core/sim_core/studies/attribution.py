@@ -19,7 +19,7 @@ from sim_core.structure.elements import IMPROVED
 from sim_core.structure.parameters import Prototype
 from sim_core.studies.local_runner import Chunk, Cost, Draw, Reporter, Runner, joined, run_here, silent
 from sim_core.studies.robustness import CHUNK_JOBS, Study
-from sim_core.uncertainty.distribution import Law
+from sim_core.uncertainty.perturbation_law import Law
 
 NOMINAL = "none (fails on the nominal robot)"
 TOGETHER = "several together"

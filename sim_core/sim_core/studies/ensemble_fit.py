@@ -21,7 +21,7 @@ from sim_core.structure.arrays import Array
 from sim_core.structure.policy import Policy
 from sim_core.studies.local_runner import Reporter, part_of, silent
 from sim_core.uncertainty import importance_weights as bayes
-from sim_core.uncertainty.robot_prior import DIMENSIONS, Member, Prior, headings, member_model
+from sim_core.uncertainty.fit_prior import DIMENSIONS, Member, Prior, headings, member_model
 
 MEMBERS = 128
 """Drawn from the prior."""
@@ -131,7 +131,7 @@ class Fit:
 
     @property
     def parameters(self) -> Array:
-        """(members, DIMENSIONS), in the order of `robot_prior.LABELS`."""
+        """(members, DIMENSIONS), in the order of `fit_prior.LABELS`."""
         return np.array([member.parameters for member in self.members])
 
 

@@ -14,7 +14,7 @@ from sim_core.gaits.library import Gait, Library, Primitive, gait_of
 from sim_core.gaits.success_counts import MEANS, SuccessCounts, load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.structure.arrays import Array
-from sim_core.structure.symmetry import rolls_of
+from sim_core.structure.roll_classes import rolls_of
 from sim_core.studies.ensemble_fit import Fit, Roll, Seen, wins_of
 from sim_core.studies.local_runner import Reporter, silent
 from sim_core.uncertainty.importance_weights import beta_mean, predictive, predictive_without_own, systematic

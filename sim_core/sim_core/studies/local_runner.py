@@ -22,8 +22,8 @@ from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
 from sim_core.structure.elements import IMPROVED
 from sim_core.structure.parameters import Prototype
-from sim_core.uncertainty.distribution import Law, sample_at
-from sim_core.uncertainty.robot_prior import Member, member_model
+from sim_core.uncertainty.fit_prior import Member, member_model
+from sim_core.uncertainty.perturbation_law import Law, sample_at
 
 
 class Draw(NamedTuple):

@@ -11,7 +11,7 @@ from sim_core.files.yaml_reader import read_yaml_or
 from sim_core.gaits.library import Library, gait_of, parse_library
 from sim_core.rolling.batch import Job, roll_many
 from sim_core.structure.policy import Policy, checked_policy
-from sim_core.structure.symmetry import rolls_of
+from sim_core.structure.roll_classes import rolls_of
 from sim_core.structure.topology import require_adjacent
 
 

@@ -9,8 +9,8 @@ from sim_core.dynamics.model import Model
 from sim_core.gaits.library import Gait
 from sim_core.rolling.batch import Batch, Job
 from sim_core.studies.binomial_intervals import Rate, rate_of
-from sim_core.uncertainty.distribution import Law, sample
 from sim_core.uncertainty.ensemble import Posterior
+from sim_core.uncertainty.perturbation_law import Law, sample
 
 DEFAULT_MEMBERS = 24
 """Robots of an ensemble: three vectors of eight."""

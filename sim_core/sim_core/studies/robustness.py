@@ -15,10 +15,10 @@ from sim_core.rolling.batch import Job
 from sim_core.structure.elements import IMPROVED
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import checked_policy
-from sim_core.structure.symmetry import rolls_of
+from sim_core.structure.roll_classes import rolls_of
 from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of, rates_along
 from sim_core.studies.local_runner import Chunk, Cost, Draw, Reporter, Runner, Trials, joined, run_here, silent
-from sim_core.uncertainty.distribution import Law
+from sim_core.uncertainty.perturbation_law import Law
 
 HELD_OUT_SEED = 90_001
 """Of the final figures' prototypes; no search may train on it."""

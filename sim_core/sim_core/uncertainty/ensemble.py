@@ -14,8 +14,8 @@ from sim_core.errors import SimError, brief
 from sim_core.files.yaml_reader import read_yaml_or, yaml_text
 from sim_core.printable import printable
 from sim_core.structure.arrays import Array
+from sim_core.uncertainty.fit_prior import Member, member_model
 from sim_core.uncertainty.importance_weights import effective_size, systematic
-from sim_core.uncertainty.robot_prior import Member, member_model
 
 SCHEMA = 1
 COLUMNS = (

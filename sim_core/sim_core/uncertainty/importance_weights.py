@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What outcomes of trials say of a robot: weights of an ensemble's members, by Bayes' rule. Pure functions of arrays.
 
-A member is a point in normal scores, z ~ N(0, I) under the prior; `robot_prior` makes a robot of it. A member's likelihood counts
+A member is a point in normal scores, z ~ N(0, I) under the prior; `fit_prior` makes a robot of it. A member's likelihood counts
 the trials that it predicts: approximate Bayesian computation with a lapse rate as the kernel, so that one odd trial rules out no
 member.
 

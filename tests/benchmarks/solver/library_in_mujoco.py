@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim_core.gaits.library import Library, gait_of
 from sim_core.structure.parameters import Prototype
-from sim_core.structure.symmetry import rolls_of
+from sim_core.structure.roll_classes import rolls_of
 from sim_core.studies.binomial_intervals import Rate, rates_along
 from sim_core.studies.ensemble_fit import stood_on_target
 from tests.benchmarks.solver.engines import Task

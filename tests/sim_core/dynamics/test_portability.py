@@ -11,7 +11,7 @@ PROGRAM = """
 from sim_core.gaits.library import load_library
 from sim_core.dynamics.model import build_model
 from sim_core.structure.parameters import load_prototype
-from sim_core.uncertainty.distribution import perturb
+from sim_core.uncertainty.perturbation_law import perturb
 from sim_core.structure.policy import lengths_of
 from sim_core.dynamics.robot import Robot
 import pytest

@@ -5,7 +5,8 @@ import pytest
 from sim_core.dynamics.robot import Robot
 from sim_core.errors import UnknownFaceError
 from sim_core.structure.policy import lengths_of
-from sim_core.structure.symmetry import GROUP, TC_TO, TO_TC
+from sim_core.structure.roll_classes import TC_TO, TO_TC
+from sim_core.structure.symmetry import GROUP
 from sim_core.structure.topology import FACES
 
 

@@ -6,7 +6,7 @@ import pytest
 from sim_core.gaits import climb_limits
 from sim_core.gaits.climb_limits import LEAST_DEG, USUAL_DEG, Climbs, climbs_text, load_climbs, usual_deg
 from sim_core.gaits.library import gait_of, load_library
-from sim_core.structure.symmetry import TC_TO, TO_TC
+from sim_core.structure.roll_classes import TC_TO, TO_TC
 
 
 @pytest.mark.parametrize("name", ["robust", "improved", "previous"])

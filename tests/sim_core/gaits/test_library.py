@@ -6,7 +6,7 @@ import pytest
 from sim_core.errors import LibraryError
 from sim_core.gaits.library import gait_of, library_text, load_library, parse_library
 from sim_core.rolling.roll import roll
-from sim_core.structure.symmetry import CLASSES, TC_TO, TO_TC, rolls_of
+from sim_core.structure.roll_classes import CLASSES, TC_TO, TO_TC, rolls_of
 
 
 @pytest.fixture(scope="module")

@@ -8,7 +8,7 @@ from sim_core.errors import LibraryError, NotAdjacentError, UnknownFaceError
 from sim_core.gaits.library import Library, Primitive
 from sim_core.gaits.success_counts import SuccessCounts, load_success_counts, success_counts_text
 from sim_core.planning.face_graph import FaceGraph
-from sim_core.structure.symmetry import TC_TO, TO_TC, rolls_of
+from sim_core.structure.roll_classes import TC_TO, TO_TC, rolls_of
 from sim_core.structure.topology import FACES, NEIGHBOURS
 
 LIBRARY = Library(

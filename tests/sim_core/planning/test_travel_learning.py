@@ -9,7 +9,7 @@ import pytest
 from sim_core.gaits.library import gait_of, load_library
 from sim_core.planning.floor_planner import LEVEL
 from sim_core.planning.travel_learning import LEAST_SURE, MOST_SURE, SPREAD_LEAN, Experience
-from sim_core.structure.symmetry import TC_TO
+from sim_core.structure.roll_classes import TC_TO
 
 NORTH, SOUTH = math.pi / 2, -math.pi / 2
 LIKELY, CLIMBS_DEG = 0.9, 2.0

@@ -10,7 +10,7 @@ from sim_core.errors import ModelError
 from sim_core.gaits.library import load_library
 from sim_core.rolling.batch import Batch, Job, roll_many
 from sim_core.rolling.roll import roll
-from sim_core.uncertainty.distribution import perturb
+from sim_core.uncertainty.perturbation_law import perturb
 
 
 @pytest.fixture(scope="module")

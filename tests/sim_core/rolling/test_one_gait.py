@@ -6,8 +6,9 @@ import pytest
 
 from sim_core.gaits.library import gait_of, load_library
 from sim_core.rolling.roll import roll
-from sim_core.structure.symmetry import TO_TC, carrier
-from sim_core.uncertainty.distribution import GROUPS, Law, errors_of, prototype_of
+from sim_core.structure.roll_classes import TO_TC
+from sim_core.structure.symmetry import carrier
+from sim_core.uncertainty.perturbation_law import GROUPS, Law, errors_of, prototype_of
 
 LAW = Law(0.2, tuple(GROUPS)).without("slope")
 

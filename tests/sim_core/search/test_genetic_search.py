@@ -12,9 +12,9 @@ from sim_core.rolling.batch import Job, roll_many
 from sim_core.search.archive import distance_mm
 from sim_core.search.genetic_search import Search, SearchPlan, Training, search
 from sim_core.search.library_recipes import PLANS
-from sim_core.structure.symmetry import TC_TO, TO_TC
+from sim_core.structure.roll_classes import TC_TO, TO_TC
 from sim_core.studies.local_runner import run_chunk
-from sim_core.uncertainty.distribution import Law
+from sim_core.uncertainty.perturbation_law import Law
 
 QUICK = SearchPlan(classes=(TO_TC.name,), keep=4, offspring=48, generations=3, polish=1)
 

@@ -15,7 +15,7 @@ from sim_core.structure.parameters import load_prototype
 from sim_core.studies import dask_runner
 from sim_core.studies.local_runner import run_here
 from sim_core.studies.robustness import StudyPlan, chunks_of
-from sim_core.uncertainty.distribution import Law
+from sim_core.uncertainty.perturbation_law import Law
 
 SMALL = 8
 

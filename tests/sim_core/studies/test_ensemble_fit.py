@@ -12,14 +12,14 @@ from sim_core.gaits.success_counts import MEANS, load_success_counts, success_co
 from sim_core.rolling.batch import Job, roll_many
 from sim_core.search.genetic_search import SearchPlan
 from sim_core.search.training_robots import FittedTraining
-from sim_core.structure.symmetry import rolls_of
+from sim_core.structure.roll_classes import rolls_of
 from sim_core.studies.ensemble_fit import Roll, Seen, estimates, fit, prior_members, stood_on_target, wins_of
 from sim_core.studies.gait_learning import learned_counts
 from sim_core.studies.local_runner import Chunk, run_chunk
 from sim_core.studies.rehearsal import Ensemble
 from sim_core.studies.robustness import training_seeds
 from sim_core.uncertainty.ensemble import EnsembleError, Posterior, load_posterior, posterior_text
-from sim_core.uncertainty.robot_prior import LABELS, Member, Prior, member_model
+from sim_core.uncertainty.fit_prior import LABELS, Member, Prior, member_model
 
 LEVEL = Prior(friction=0.0, stiffness=0.0, rest_length=0.0, stroke=0.0, slope_deg=6.0, noise=0.0)
 FRICTION = replace(LEVEL, friction=0.6, slope_deg=0.0)

@@ -4,7 +4,7 @@ import pytest
 from sim_core.gaits.library import gait_of, load_library
 from sim_core.rolling.batch import Job, roll_many
 from sim_core.studies.rehearsal import Ensemble
-from sim_core.uncertainty.distribution import Law, sample
+from sim_core.uncertainty.perturbation_law import Law, sample
 
 
 @pytest.fixture(scope="module")

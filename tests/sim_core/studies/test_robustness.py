@@ -9,11 +9,11 @@ from sim_core.errors import LibraryError, ParameterError
 from sim_core.gaits.library import Library, gait_of, load_library
 from sim_core.rolling.batch import Job
 from sim_core.rolling.roll import roll
-from sim_core.structure.symmetry import rolls_of
+from sim_core.structure.roll_classes import rolls_of
 from sim_core.studies.attribution import NOMINAL, TOGETHER, attribute
 from sim_core.studies.local_runner import Chunk, Draw, run_chunk, run_here
 from sim_core.studies.robustness import StudyPlan, assembled, chunk_jobs, chunks_of, require_held_out, study, training_seeds
-from sim_core.uncertainty.distribution import Law, sample
+from sim_core.uncertainty.perturbation_law import Law, sample
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ from sim_core.gaits.library import load_library
 from sim_core.studies.attribution import Attribution
 from sim_core.studies.local_runner import Cost
 from sim_core.studies.robustness import Study, StudyPlan, gaits_of
-from sim_core.uncertainty.distribution import Law
+from sim_core.uncertainty.perturbation_law import Law
 from tensegrity_lab.reports.robustness_plot import robustness_picture
 from tensegrity_lab.reports.robustness_report import document_of, text_of, write_tables
 

@@ -56,7 +56,7 @@ def test_computed_trials_are_the_solver_s_own_and_a_fit_knows_how_they_began(tmp
     from sim_core.gaits.library import load_library
     from sim_core.rolling.batch import Job
     from sim_core.structure.parameters import load_prototype
-    from sim_core.uncertainty.distribution import perturb
+    from sim_core.uncertainty.perturbation_law import perturb
     from tensegrity_lab.studies.campaign_batch import session_of
 
     nominal = build_model(load_prototype())

@@ -9,7 +9,7 @@ from sim_core.dynamics.actuators import require_actuators
 from sim_core.gaits.climb_limits import load_climbs
 from sim_core.gaits.library import gait_of, load_library
 from sim_core.structure.parameters import load_prototype
-from sim_core.structure.symmetry import TC_TO
+from sim_core.structure.roll_classes import TC_TO
 from tensegrity_lab.studies.climb import NEAR_DEG, roll, steepest_deg
 from tests.sixstrut_cli.test_commands import sixstrut
 

@@ -12,10 +12,10 @@ from hardware_bridge.boards.registry import SERVO_BOARD
 from sixstrut_cli.outputs import COUNTS, output_of, picture_path
 
 MOST_PERTURBATION = 0.3
-"""`sim_core.uncertainty.distribution.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
+"""`sim_core.uncertainty.perturbation_law.MAX_SCALE`, by value: to import it would load numpy for every `--help`."""
 
 MOST_INCLINE_DEG = 20.0
-"""`sim_core.uncertainty.distribution.MAX_INCLINE_DEG`, by value as well."""
+"""`sim_core.uncertainty.perturbation_law.MAX_INCLINE_DEG`, by value as well."""
 
 HIGHEST_DOMAIN = 101
 """`tensegrity_lab.stack.ros_domain.HIGHEST`, by value as well."""

@@ -17,7 +17,7 @@ from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import lengths_of
 from sim_core.structure.symmetry import GROUP, REFERENCE_TC, REFERENCE_TO
 from sim_core.structure.topology import FACES, JOINTS
-from sim_core.uncertainty.distribution import perturb
+from sim_core.uncertainty.perturbation_law import perturb
 from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 from sim_core.validation.harness.run import ready
 

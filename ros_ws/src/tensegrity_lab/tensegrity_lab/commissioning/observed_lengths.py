@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Strut lengths as the virtual prototype's observer sees them."""
+"""Strut lengths as the virtual prototype's observer sees them, for calibrating it; a bridge has its own, `bridge.observer`."""
 
 import threading
 import time

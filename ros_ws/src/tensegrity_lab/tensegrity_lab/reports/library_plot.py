@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from sim_core.gaits.library import Library
-from sim_core.structure.symmetry import CLASSES
+from sim_core.structure.roll_classes import CLASSES
 from tensegrity_lab.reports.figure import new_figure
 
 SCALE_MM = 45

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from sim_core.structure.symmetry import TC_TO, TO_TC
+from sim_core.structure.roll_classes import TC_TO, TO_TC
 from sim_core.studies.attribution import Attribution
 from sim_core.studies.robustness import Study
 from tensegrity_lab.reports.figure import BLUE, ORANGE, RED, draw_rates, new_figure

@@ -11,7 +11,7 @@ from sim_core.studies.attribution import Attribution
 from sim_core.studies.binomial_intervals import EXCHANGEABLE, ONE_GAIT, Rate
 from sim_core.studies.local_runner import Cost
 from sim_core.studies.robustness import Study
-from sim_core.uncertainty.distribution import GROUPS, OURS
+from sim_core.uncertainty.perturbation_law import GROUPS, OURS
 from tensegrity_lab.session_data.csv_tables import write_table
 
 WORST = 8

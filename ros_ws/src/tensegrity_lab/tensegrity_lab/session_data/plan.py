@@ -14,7 +14,7 @@ from sim_core.errors import SimError
 from sim_core.gaits.library import Gait, Library, Primitive, gait_of
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
-from sim_core.structure.symmetry import class_of, rolls_of
+from sim_core.structure.roll_classes import class_of, rolls_of
 from sim_core.structure.topology import require_adjacent
 from sim_core.studies.model_agreement import NamedGait, verdicts
 from tensegrity_lab.errors import SessionError

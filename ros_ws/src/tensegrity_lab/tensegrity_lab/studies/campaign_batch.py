@@ -13,7 +13,7 @@ from sim_core.rolling.roll import RollResult
 from sim_core.structure.policy import checked_policy
 from sim_core.studies.ensemble_fit import stood_on_target
 from sim_core.studies.local_runner import Reporter, silent
-from sim_core.uncertainty.distribution import perturb
+from sim_core.uncertainty.perturbation_law import perturb
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.folder import SessionFolder, Settings, begin_session, now_text, virtual_robot_text
 from tensegrity_lab.session_data.ledger import Ledger

@@ -14,7 +14,7 @@ from sim_core.studies.ensemble_fit import LEAST, Fit, estimates, fit
 from sim_core.studies.gait_learning import fitted_prior, gaits_of, learned_counts, roll_of, shipped_prior
 from sim_core.studies.rehearsal import DEFAULT_MEMBERS
 from sim_core.uncertainty.ensemble import Posterior, posterior_text
-from sim_core.uncertainty.robot_prior import LABELS, Prior
+from sim_core.uncertainty.fit_prior import LABELS, Prior
 from tensegrity_lab.studies.fit_demonstration import FitOptions, Setting, demonstrate, half_ranges
 from tensegrity_lab.studies.fit_page import page_of
 from tensegrity_lab.studies.fit_trials import Tries

@@ -19,10 +19,10 @@ from sim_core.studies.ensemble_fit import Estimate, Fit, Seen, estimates, fit, p
 from sim_core.studies.gait_learning import WEIGHT, fitted_prior, gaits_of, roll_of
 from sim_core.studies.local_runner import Reporter
 from sim_core.studies.rehearsal import DEFAULT_MEMBERS, DEFAULT_SEED
-from sim_core.uncertainty.distribution import Law, sample
 from sim_core.uncertainty.ensemble import Posterior
+from sim_core.uncertainty.fit_prior import LABELS, Member, Prior
 from sim_core.uncertainty.importance_weights import LAPSE, beta_mean, log_score, predictive
-from sim_core.uncertainty.robot_prior import LABELS, Member, Prior
+from sim_core.uncertainty.perturbation_law import Law, sample
 
 TILT_DEG = 1.0
 LOW_FRICTION = (0.4, 0.7)

@@ -16,7 +16,7 @@ INTRODUCTION = """\
 `search robust --ensemble`, and into odds of every gait on *this* robot (`--odds FILE`), for the planner's parameter
 `odds_file` and for `route --odds`. Robots are drawn from a prior, roll every tried gait, and are weighted by the outcomes
 that they foretell; how, and what a robot's parameters are, is told in `sim_core/sim_core/uncertainty/importance_weights.py` and
-`sim_core/sim_core/uncertainty/robot_prior.py`. If nobody knows which way the robot faced (sessions of the stack, and real
+`sim_core/sim_core/uncertainty/fit_prior.py`. If nobody knows which way the robot faced (sessions of the stack, and real
 ones), every trial gets a direction of its own. Then only the steepness of the slope can be learnt, not its direction. A tried
 gait's odds count its own trials once: the ensemble's part leaves them out.
 

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who judges trials and puts the robot where it is needed: the virtual prototype's observer, or a person with a keyboard."""
+"""Who judges trials and puts the robot where it is needed: the virtual prototype's observer, or a person with a keyboard.
+
+What makes a roll a success is in `sim_core.gaits.roll_sequence`.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import NamedTuple

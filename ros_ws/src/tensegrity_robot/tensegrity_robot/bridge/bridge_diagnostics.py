@@ -12,7 +12,7 @@ from std_msgs.msg import Header
 from hardware_bridge.driver.events import Snapshot
 from hardware_bridge.link.board_link import LATE_ANSWER_S
 from hardware_bridge.link.latency import Percentiles
-from hardware_bridge.recording.bag_monitor import LogWatch
+from hardware_bridge.recording.log_watch import LogWatch
 from hardware_bridge.recording.session_bag import SessionLog
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_robot.bridge.observer import Observing

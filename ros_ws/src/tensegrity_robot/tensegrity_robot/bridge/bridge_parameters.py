@@ -1,19 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bridge's parameters, and what follows from them alone: its rules, and the files that go into a session's bag."""
+"""The bridge's parameters, and the rules that follow from them."""
 
 from dataclasses import dataclass
-from importlib.resources import files
-from pathlib import Path
 
 from hardware_bridge.boards.registry import SERVO_BOARD
 from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.safety.limit_checks import Rules
 from hardware_bridge.safety.limits import Limits, Pacing
 from hardware_bridge.safety.shape_cache import ShapeCheck
-from sim_core.gaits.library import LIBRARIES, load_library
-from sim_core.structure.elements import elements_of
-from sim_core.structure.parameters import FILE, load_prototype
-from sim_core.twin.model_versions import label_of
 from tensegrity_robot.ros.node_parameters import parameter
 
 
@@ -78,21 +72,3 @@ def rules_of(p: BridgeParameters, shape_check: ShapeCheck) -> Rules:
     )
     pacing = Pacing(p.frame_period_s, homing_speed_m_s=p.homing_speed_m_s)
     return Rules(load_calibration(p.calibration or None), limits, pacing, shape_check)
-
-
-def session_files(p: BridgeParameters) -> tuple[dict[str, bytes], dict[str, str]]:
-    """Files that go into the bag, and their hashes. Raises SimError, OSError."""
-    library = Path(p.library) if Path(p.library).suffix == ".yaml" else LIBRARIES / f"{p.library}.yaml"
-    prototype = load_prototype(p.prototype_file or None)
-    facts = {
-        "library": load_library(p.library).hash,
-        "prototype": prototype.hash,
-        "model": label_of(elements_of(prototype).hash),
-    }
-    default = files("hardware_bridge") / "data" / "calibration_default.yaml"
-    attachments = {
-        "library.yaml": library.read_bytes(),
-        "prototype.yaml": (Path(p.prototype_file) if p.prototype_file else FILE.path).read_bytes(),
-        "calibration.yaml": Path(p.calibration).read_bytes() if p.calibration else default.read_bytes(),
-    }
-    return attachments, facts

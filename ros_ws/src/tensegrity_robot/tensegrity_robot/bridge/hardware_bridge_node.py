@@ -20,7 +20,7 @@ from hardware_bridge.driver.events import FaceEvent, SentEvent, Snapshot
 from hardware_bridge.driver.remote_bridge import HostProcess, RemoteBridge
 from hardware_bridge.errors import BridgeError, PortMissing, Refused
 from hardware_bridge.prototype_client.handshake import default_link, examine, require_prototype
-from hardware_bridge.recording.bag_monitor import LogWatch
+from hardware_bridge.recording.log_watch import LogWatch
 from hardware_bridge.recording.session_bag import SessionLog, bag_folder, mend_journals
 from hardware_bridge.safety.supervisor_messages import Mode
 from hardware_bridge.safety.trajectory import Trajectory
@@ -28,7 +28,7 @@ from sim_core.errors import SimError
 from tensegrity_interfaces.msg import TwinState
 from tensegrity_robot.bridge import bridge_messages
 from tensegrity_robot.bridge.bridge_diagnostics import STALE, Part, diagnostics, parts_of
-from tensegrity_robot.bridge.bridge_parameters import BridgeParameters, rules_of, session_files
+from tensegrity_robot.bridge.bridge_parameters import BridgeParameters, rules_of
 from tensegrity_robot.bridge.motion_action import MotionServer
 from tensegrity_robot.bridge.observer import Observing
 from tensegrity_robot.bridge.other_bridges import OtherBridges
@@ -36,6 +36,7 @@ from tensegrity_robot.bridge.port_process import COMMAND, StopService
 from tensegrity_robot.bridge.preconditions import MotionConditions
 from tensegrity_robot.bridge.recorded_topics import RecordedTopics
 from tensegrity_robot.bridge.services import BridgeCalls
+from tensegrity_robot.bridge.session_facts import session_files
 from tensegrity_robot.bridge.shape_judge import ShapeRule
 from tensegrity_robot.ros import conversions
 from tensegrity_robot.ros.errors import StartError

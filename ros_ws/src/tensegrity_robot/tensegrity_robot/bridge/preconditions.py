@@ -6,7 +6,7 @@ import time
 from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.driver.remote_bridge import RemoteBridge
 from hardware_bridge.errors import Refused
-from hardware_bridge.recording.bag_monitor import LogWatch
+from hardware_bridge.recording.log_watch import LogWatch
 from hardware_bridge.safety.supervisor_messages import Mode
 from hardware_bridge.safety.trajectory import Trajectory
 from tensegrity_robot.bridge.observer import Observing

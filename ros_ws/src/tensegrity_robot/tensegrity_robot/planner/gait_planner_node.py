@@ -41,7 +41,7 @@ from sim_core.structure.policy import lengths_of, neutral_lengths
 from sim_core.structure.topology import require_adjacent
 from sim_core.studies.rehearsal import DEFAULT_SEED
 from sim_core.twin.live_bridge import LiveBridge
-from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, MAX_SCALE, Law
+from sim_core.uncertainty.perturbation_law import MAX_INCLINE_DEG, MAX_SCALE, Law
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot.planner.lease_client import CALL_TIMEOUT_S, Lease

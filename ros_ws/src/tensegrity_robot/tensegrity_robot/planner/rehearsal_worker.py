@@ -13,7 +13,7 @@ from sim_core.rolling.warm_up import Stage, is_warm, warm_up
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.topology import NEIGHBOURS
 from sim_core.studies.rehearsal import Ensemble, Rehearsed
-from sim_core.uncertainty.distribution import Law
+from sim_core.uncertainty.perturbation_law import Law
 from tensegrity_interfaces.msg import Rehearsal, RehearsedGait
 
 

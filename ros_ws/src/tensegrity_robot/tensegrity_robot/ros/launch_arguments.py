@@ -15,7 +15,7 @@ from sim_core.errors import SimError
 from sim_core.gaits.library import load_library
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.structure.topology import require_face
-from sim_core.uncertainty.distribution import MAX_INCLINE_DEG, MAX_SCALE
+from sim_core.uncertainty.perturbation_law import MAX_INCLINE_DEG, MAX_SCALE
 from tensegrity_robot.ros.errors import StartError
 
 ARGUMENTS = (

@@ -31,7 +31,7 @@ from sim_core.twin.event_stream import Arrival, Begin, EventStream
 from sim_core.twin.follower import Event, Follower, Observed
 from sim_core.twin.rest_detector import RestWatch
 from sim_core.twin.standalone import StandAlone
-from sim_core.uncertainty.distribution import MAX_SCALE, perturb
+from sim_core.uncertainty.perturbation_law import MAX_SCALE, perturb
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 from tensegrity_robot.ros import conversions, topics
 from tensegrity_robot.ros.errors import StartError

@@ -41,7 +41,7 @@ def command(
     from sim_core.structure.elements import PREVIOUS
     from sim_core.structure.parameters import load_prototype
     from sim_core.studies.model_agreement import compare, load_gaits, verdicts
-    from sim_core.uncertainty.distribution import perturb
+    from sim_core.uncertainty.perturbation_law import perturb
     from tensegrity_lab.terminal.compile_notice import compile_first
     from tensegrity_lab.terminal.leaving import leaves_at_once
 

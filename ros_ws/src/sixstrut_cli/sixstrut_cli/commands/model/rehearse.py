@@ -39,8 +39,8 @@ def command(
     from sim_core.structure.topology import NEIGHBOURS, require_adjacent, require_face
     from sim_core.studies.binomial_intervals import counted
     from sim_core.studies.rehearsal import Ensemble
-    from sim_core.uncertainty.distribution import Law
     from sim_core.uncertainty.ensemble import load_posterior
+    from sim_core.uncertainty.perturbation_law import Law
     from tensegrity_lab.terminal.compile_notice import compile_first
 
     require_face(source)

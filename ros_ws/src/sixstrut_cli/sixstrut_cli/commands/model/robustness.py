@@ -66,7 +66,7 @@ def command(
     from sim_core.studies.dask_runner import runner_of
     from sim_core.studies.local_runner import compile_kernels
     from sim_core.studies.robustness import HELD_OUT_SEED, StudyPlan, require_held_out, study, success_counts_of
-    from sim_core.uncertainty.distribution import Law, groups_of
+    from sim_core.uncertainty.perturbation_law import Law, groups_of
     from tensegrity_lab.reports.robustness_plot import robustness_picture
     from tensegrity_lab.reports.robustness_report import document_of, head_of, text_of, write_tables
     from tensegrity_lab.reports.study_cost import document_of as cost_document

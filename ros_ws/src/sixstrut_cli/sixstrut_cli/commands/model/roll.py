@@ -43,7 +43,7 @@ def command(
     from sim_core.rolling.warm_up import Stage
     from sim_core.structure.parameters import load_prototype
     from sim_core.structure.topology import require_adjacent
-    from sim_core.uncertainty.distribution import perturb
+    from sim_core.uncertainty.perturbation_law import perturb
     from tensegrity_lab.terminal.compile_notice import compile_first
 
     require_adjacent(source, target)

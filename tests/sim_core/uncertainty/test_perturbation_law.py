@@ -7,7 +7,7 @@ import pytest
 from sim_core.dynamics.model import build_model
 from sim_core.errors import ParameterError, UnstableStepError
 from sim_core.structure.elements import PREVIOUS, elements_of
-from sim_core.uncertainty.distribution import (
+from sim_core.uncertainty.perturbation_law import (
     GROUPS,
     JUDGED,
     MAX_SCALE,

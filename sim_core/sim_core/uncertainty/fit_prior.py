@@ -3,7 +3,7 @@
 
 One rope more or less changes little; what decides whether *this* robot rolls is common to all its trials: the floor's friction and
 slope, ropes of one batch (stiffness, rest length, hence prestress), and each strut's stroke. These are estimated. The errors of
-single ropes and masses are noise (`distribution.Law`): drawn anew for every member.
+single ropes and masses are noise (`perturbation_law.Law`): drawn anew for every member.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from scipy.special import ndtr
 from sim_core.dynamics.model import Model, build_model
 from sim_core.errors import ParameterError
 from sim_core.structure.arrays import Array
-from sim_core.uncertainty.distribution import GROUPS, Law, errors_of
+from sim_core.uncertainty.perturbation_law import GROUPS, Law, errors_of
 
 NOISE_GROUPS = ("stiffness", "rest_length", "mass")
 DIMENSIONS = 11
@@ -79,7 +79,7 @@ class Prior:
     Attributes:
         friction, stiffness, rest_length, stroke: half ranges of factors.
         slope_deg: of the ground's tilt about each axis.
-        noise: scale of `distribution.Law` for the errors of single ropes and masses.
+        noise: scale of `perturbation_law.Law` for the errors of single ropes and masses.
     """
 
     friction: float = 0.6
