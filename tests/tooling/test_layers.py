@@ -47,6 +47,8 @@ def test_every_import_goes_downwards(checked):
         ("hardware_bridge/driver/engine.py", "import sim_core.dynamics.robot", "hardware_bridge without the model"),
         ("hardware_bridge/safety/limits.py", "def late():\n    import hardware_bridge.driver.engine", "rooms of hardware_bridge"),
         ("hardware_bridge/recording/journal.py", "def late():\n    import rclpy", "no ROS below tensegrity_robot"),
+        ("tensegrity_robot/ros/qos.py", "import tensegrity_robot.bridge.observer", "rooms of tensegrity_robot"),
+        ("tensegrity_lab/terminal/keys.py", "import tensegrity_lab.studies.demo", "rooms of tensegrity_lab"),
         ("tensegrity_robot/ros/qos.py", "import tensegrity_lab.stack.processes", "packages"),
         ("tensegrity_lab/terminal/keys.py", "import sixstrut_cli.app", "packages"),
     ],
