@@ -25,7 +25,7 @@ GROUPS = ("base", "console", "cluster", "checks", "docs", "bench")
 STEPS = 3  # that making the base takes; a further group is one step
 BUILT_FROM_SOURCE = ("empy",)  # pure Python, published without a wheel
 BUILD_TOOLS = ("cmake",)  # not in .venv: there while ros_ws is built
-INSTALLER = "uv"  # not in .venv: there while the base is installed, in a tenth of the time that pip takes
+INSTALLER = "uv"  # not in .venv: there while the base is installed, faster than by pip
 
 _AS_UV_SAYS_IT = {"index-url": "--default-index", "extra-index-url": "--index", "find-links": "--find-links"}
 _OF_THE_NETWORK = {"proxy", "trusted-host", "client-cert", "no-index", "use-deprecated", "use-feature", "config-file"}
