@@ -22,7 +22,7 @@ START, SIMULATE, ROBOT, TRIALS, DEVELOP = "Start here", "Simulate", "Robot", "Tr
 GROUPS = (START, SIMULATE, ROBOT, TRIALS, DEVELOP)
 """Of the help, in this order."""
 
-_FOR_TESTS = ("console", "cluster", "checks")
+_FOR_TESTS = ("console", "cluster", "checks", "bench")
 _ALL = (
     Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "robot.demo", START),
     Entry("console", "The robot in the browser: twin, rolls by clicks, a stop button.", "robot.console", START, ("console",)),
