@@ -39,7 +39,7 @@ def place(point):
 
 def test_every_link_of_the_urdf_is_where_the_twin_has_it(processes, viewer):
     frames, joints, poses, descriptions = {}, {}, {}, []
-    topics.TF.subscribe(viewer, lambda m: frames.setdefault(stamp(m.transforms[0].header), m))
+    topics.FRAMES.subscribe(viewer, lambda m: frames.setdefault(stamp(m.transforms[0].header), m))
     topics.TWIN_JOINTS.subscribe(viewer, lambda m: joints.setdefault(stamp(m.header), m))
     topics.TWIN_POSE.subscribe(viewer, lambda m: poses.setdefault(stamp(m.header), m))
     processes.node("twin", "--ros-args", "-r", "__ns:=/blue", mode="standalone")

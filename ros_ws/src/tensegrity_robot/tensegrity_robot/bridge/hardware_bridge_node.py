@@ -43,7 +43,7 @@ from tensegrity_robot.ros import conversions
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_parameters import declare_parameters
 from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
-from tensegrity_robot.ros.topics import BRIDGE_FACE, BRIDGE_JOINT_STATES, BRIDGE_STATE, DIAGNOSTICS, STRUTS_SENT, TF, TWIN_STATE
+from tensegrity_robot.ros.topics import BRIDGE_FACE, BRIDGE_JOINT_STATES, BRIDGE_STATE, DIAGNOSTICS, FRAMES, STRUTS_SENT, TWIN_STATE
 
 FEEDBACK_PERIOD_S = 0.1
 STATE_PERIOD_S = 0.5
@@ -88,7 +88,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._hint = f"unconfigured: ros2 lifecycle set {self.get_fully_qualified_name()} configure"
         self._hinted = False
         base = f"{conversions.frame_prefix(self)}{BASE}".encode()
-        self._topics = RecordedTopics(self, {TWIN_STATE.name: self._follows_this_stream, TF.name: lambda data: base in data})
+        self._topics = RecordedTopics(self, {TWIN_STATE.name: self._follows_this_stream, FRAMES.name: lambda data: base in data})
         self._others = OtherBridges(self)
         self._frame = conversions.frame_prefix(self) + p.frame
         self._observing = Observing(self, self._topics, self._frame, p.stall_limit_m)

@@ -120,7 +120,7 @@ class TwinNode(Node):
         self._joints = topics.TWIN_JOINTS.publisher(self)
         self._pose = topics.TWIN_POSE.publisher(self)
         self._markers = topics.TWIN_MARKERS.publisher(self)
-        self._frames = topics.TF.publisher(self)
+        self._frames = topics.FRAMES.publisher(self)
         self._description = topics.ROBOT_DESCRIPTION.publisher(self)
         self._urdf = String(data=urdf(prototype, self._prefix))
         self._description.publish(self._urdf)
