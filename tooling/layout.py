@@ -17,6 +17,7 @@ class Layout:
         self.venv_python = self.venv / "bin" / "python"
         self.workspace = root / "ros_ws"
         self.sources = self.workspace / "src"
+        self.without_ros = self.workspace / "without_ros"  # packages that the ROS wheels lack
         self.install = self.workspace / "install"
         self.state = root / ".sixstrut"  # set-up's own files
         self.log = self.state / "setup.log"  # what its commands printed

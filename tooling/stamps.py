@@ -39,8 +39,9 @@ def workspace_stamp(layout: Layout) -> str:
 
 
 def package_folders(layout: Layout) -> list[Path]:
-    """Folders of the workspace's packages."""
-    return sorted(path.parent for path in layout.sources.glob("*/package.xml"))
+    """Folders of the packages that set-up builds: the workspace's, and those of ROS that the wheels lack."""
+    lacking = [path for path in layout.without_ros.glob("*/package.xml") if not (layout.venv / "share" / path.parent.name).exists()]
+    return sorted(path.parent for path in (*layout.sources.glob("*/package.xml"), *lacking))
 
 
 def _build_inputs(package: Path) -> Iterator[Path]:

@@ -5,6 +5,7 @@ import json
 import os
 import subprocess
 import sys
+import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 
 import pytest
@@ -228,6 +229,20 @@ def test_a_file_of_another_kind_is_never_overwritten_and_found_before_any_work(l
 def test_a_picture_is_not_written_over_a_file_that_is_none(library, capsys):
     assert app.run(["roll", "--picture", str(library)]) == 2
     assert "validendsare.png,.svg,.pdf" in "".join(capsys.readouterr().err.split())
+
+
+@pytest.mark.parametrize(("kind", "root"), [("urdf", "robot"), ("mjcf", "mujoco")])
+def test_export_writes_over_its_own_kind_alone(kind, root, tmp_path, library, capsys):
+    file = tmp_path / "new" / "robot.xml"
+    for _ in range(2):
+        assert app.run(["export", kind, str(file)]) == 0
+        assert ElementTree.parse(file).getroot().tag == root
+    other = {"urdf": "mjcf", "mjcf": "urdf"}[kind]
+    for arguments in ([other, str(file)], [kind, str(library)]):
+        before = Path(arguments[1]).read_bytes()
+        assert app.run(["export", *arguments]) == 2
+        assert "it is left as it is" in " ".join(capsys.readouterr().err.split())
+        assert Path(arguments[1]).read_bytes() == before
 
 
 def test_the_kinds_of_files_are_told_apart():

@@ -43,6 +43,15 @@ def test_the_content_of_a_build_input_changes_the_workspace_stamp_only(layout: L
     assert after[1] != before[1]
 
 
+def test_a_package_of_ros_is_built_only_where_the_wheels_lack_it(layout: Layout):
+    lacking = layout.without_ros / "tf2_msgs"
+    lacking.mkdir(parents=True)
+    (lacking / "package.xml").write_text("<package/>")
+    assert [folder.name for folder in stamps.package_folders(layout)] == ["robot", "tf2_msgs"]
+    (layout.venv / "share" / "tf2_msgs").mkdir(parents=True)
+    assert [folder.name for folder in stamps.package_folders(layout)] == ["robot"]
+
+
 def test_a_package_behind_a_link_counts(layout: Layout, tmp_path: Path):
     shutil.move(package(layout), tmp_path / "robot")
     package(layout).symlink_to("../../robot")

@@ -12,20 +12,18 @@ from sim_core.dynamics.footing import Footing, center_of_mass, clearance_m, judg
 from sim_core.dynamics.model import Model
 from sim_core.errors import DivergedError
 from sim_core.structure.arrays import Array
+from sim_core.structure.elements import face_down
 from sim_core.structure.rotations import (
     about_z,
     best_fit,
-    dot,
     down_of,
     matrix_of,
     norm,
     product,
     quaternion_of,
     rotated,
-    turn_onto,
-    unit,
 )
-from sim_core.structure.topology import FACES, JOINTS, NODES, POINTS_PER_JOINT, require_face
+from sim_core.structure.topology import JOINTS, NODES, POINTS_PER_JOINT
 
 SETTLE_S = 3.0
 SETTLE_ZETA_1_S = 40.0
@@ -76,10 +74,7 @@ class Robot:
     def placed_on(cls, model: Model, face: str, yaw_rad: float = 0.0) -> Robot:
         """A robot in the ideal shape, put down on a face, not settled yet. Raises UnknownFaceError."""
         robot = cls(model)
-        corners = NODES[list(FACES[require_face(face)])]
-        normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
-        normal = unit(normal) * np.sign(dot(normal, corners[0]))
-        robot.place(product(about_z(yaw_rad), turn_onto(normal, np.array([0.0, 0.0, -1.0]))), np.zeros(3))
+        robot.place(product(about_z(yaw_rad), face_down(face)), np.zeros(3))
         robot._particles[:, k.X + 2] -= robot.contact_points_m()[:, 2].min()
         return robot
 

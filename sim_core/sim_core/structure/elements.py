@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
-from sim_core.structure.rotations import dot, norm, rotated, unit
-from sim_core.structure.topology import NODES, POINTS_PER_JOINT, STRUTS, TENDONS
+from sim_core.structure.rotations import dot, norm, rotated, turn_onto, unit
+from sim_core.structure.topology import FACES, NODES, POINTS_PER_JOINT, STRUTS, TENDONS, require_face
 
 IMPROVED, PREVIOUS = "improved", "previous"
 """The paper's two models."""
@@ -110,6 +110,14 @@ def strut_axis(strut: int) -> Array:
     """Unit vector from end 1 to end 2 of a strut, body coordinates."""
     first, second = STRUTS[strut]
     return unit(NODES[second] - NODES[first])
+
+
+def face_down(face: str) -> Array:
+    """The smallest rotation (3, 3) of the ideal shape that puts a face down. Raises UnknownFaceError."""
+    corners = NODES[list(FACES[require_face(face)])]
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    normal = unit(normal) * np.sign(dot(normal, corners[0]))
+    return turn_onto(normal, np.array([0.0, 0.0, -1.0]))
 
 
 def _strut_frame(strut: int) -> Array:

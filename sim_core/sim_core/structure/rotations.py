@@ -37,6 +37,13 @@ def product(a: Array, b: Array) -> Array:
     return np.stack([rotated(a, b[:, column]) for column in range(3)], axis=-1)
 
 
+def relative_quaternion(base: Array, quaternions: Array) -> Array:
+    """Unit quaternions (..., 4) as seen from an orientation `base` (4,)."""
+    w, x, y, z = base * [1.0, -1.0, -1.0, -1.0]
+    left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    return np.asarray(quaternions @ left.T)
+
+
 def quaternion_of(matrix: Array) -> Array:
     """Unit quaternion (w, x, y, z) of a rotation matrix, shape (3, 3); its largest component is positive (Shepperd's method)."""
     m = [[float(value) for value in row] for row in np.asarray(matrix)]

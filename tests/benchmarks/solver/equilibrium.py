@@ -9,9 +9,9 @@ import numpy as np
 
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
+from sim_core.structure.mujoco_model import compiled, positions_of, read_sensors
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.topology import TENDONS
-from tests.benchmarks.solver.mujoco_model import compiled, positions_of, read_sensors
 
 STEP_S, SETTLE_S = 0.001, 8.0
 

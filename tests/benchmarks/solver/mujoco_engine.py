@@ -14,11 +14,11 @@ from sim_core.dynamics.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
 from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.roll import RollResult, face_number, result_of, rules_of
 from sim_core.rolling.roll_monitor import SAMPLE_S
+from sim_core.structure import mujoco_model
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import Policy, lengths_of, neutral_lengths
 from sim_core.structure.topology import JOINTS
-from tests.benchmarks.solver import mujoco_model
 from tests.benchmarks.solver.engines import Crowd, Moment, Task
 
 

@@ -84,7 +84,7 @@ def as_markdown(report: Report, picture: str | None) -> str:
         "# Benchmark",
         "Written by `./sixstrut bench --page`; do not edit. The same robot, the same policies, one run, the engines in turn, the "
         f"fastest of {plan.rounds} measurements each. MuJoCo's model is made from the same numbers "
-        "(`tests/benchmarks/solver/mujoco_model.py` says what differs); its batches run in its own thread pool "
+        "(`sim_core/sim_core/structure/mujoco_model.py` says what differs); its batches run in its own thread pool "
         "(`mujoco.rollout`), one robot by `mj_step`.",
         f"{m.processor}; {m.processors} processors; Python {m.python}, numba {m.numba}, MuJoCo {m.mujoco}; "
         f"model {report.model_hash}; load average before {m.load[0]:.1f}, "

@@ -52,6 +52,11 @@ def test_the_hash_is_the_installations() -> None:
     assert SCHEMAS.type_hash("std_msgs/msg/Nothing") == ""
 
 
+def test_the_message_of_tf_is_every_other_ros_s():
+    upstream = "RIHS01_e369d0f05a23ae52508854b66f6aa0437f3449d652e8cbf22d5abe85d020f087"
+    assert SCHEMAS.type_hash("tf2_msgs/msg/TFMessage") == upstream
+
+
 @pytest.mark.parametrize("name", ["std_msgs/msg/Nothing", "std_msgs/Header", "Header", "", "a/srv/B"])
 def test_an_unknown_type_is_refused_by_name(name: str) -> None:
     with pytest.raises(SchemaError, match="not found"):

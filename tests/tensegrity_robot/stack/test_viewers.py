@@ -11,7 +11,7 @@ import pytest
 import yaml
 from rosbags.highlevel import AnyReader
 
-from tensegrity_robot.ros.topics import TOPICS
+from tensegrity_robot.ros.topics import ROBOT_DESCRIPTION, TOPICS
 
 ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "ros_ws" / "src" / "tensegrity_robot"
@@ -120,3 +120,6 @@ def test_rviz_shows_topics_in_the_twin_s_frame():
     assert manager["Global Options"]["Fixed Frame"] == "odom"
     topics = [display["Topic"]["Value"] for display in manager["Displays"] if "Topic" in display]
     assert {"twin/markers", "bridge/observed_joints"} <= set(topics)
+    (model,) = (display for display in manager["Displays"] if display["Class"].endswith("/RobotModel"))
+    assert model["Description Topic"]["Value"] == ROBOT_DESCRIPTION.name
+    assert model["Description Topic"]["Durability Policy"] == "Transient Local"

@@ -27,6 +27,8 @@ KINDS = {
     "actuator file": "no_load_speed_m_s",
 }
 """Kind of a YAML file -> an entry that only this kind has."""
+XML_KINDS = {"URDF file": b"<robot", "MJCF file": b"<mujoco"}
+"""Kind of an XML file -> how its root begins."""
 
 PICTURES = (".png", ".svg", ".pdf")
 
@@ -111,10 +113,14 @@ def require_output(path: Path, kind: str) -> None:
 
 
 def kind_of(path: Path) -> str:
-    """One of `KINDS`; empty: none of them."""
+    """One of `KINDS` or `XML_KINDS`; empty: none of them."""
     from sim_core.errors import SimError
     from sim_core.files.yaml_reader import read_yaml
 
+    with path.open("rb") as file:
+        head = file.read(1000)
+    if head.startswith((b"<?xml", *XML_KINDS.values())):
+        return next((kind for kind, root in XML_KINDS.items() if root in head), "")
     try:
         document = read_yaml(path)
     except (SimError, OSError):

@@ -22,7 +22,7 @@ START, SIMULATE, ROBOT, TRIALS, DEVELOP = "Start here", "Simulate", "Robot", "Tr
 GROUPS = (START, SIMULATE, ROBOT, TRIALS, DEVELOP)
 """Of the help, in this order."""
 
-_FOR_TESTS = ("console", "cluster", "checks")
+_FOR_TESTS = ("console", "cluster", "checks", "bench")
 _ALL = (
     Entry("demo", "Roll the virtual prototype with its twin, no hardware needed.", "robot.demo", START),
     Entry("console", "The robot in the browser: twin, rolls by clicks, a stop button.", "robot.console", START, ("console",)),
@@ -36,6 +36,7 @@ _ALL = (
     Entry("search", "Find primitives with a genetic algorithm: improved, previous or robust.", "model.search", SIMULATE),
     Entry("recheck", "Compare both models' predictions with experiments, gait by gait.", "model.recheck", SIMULATE),
     Entry("parameters", "Show the parameters of robot and model, with their sources.", "model.parameters", SIMULATE),
+    Entry("export", "Write the robot as URDF or MJCF, for viewers and other simulators.", "model.export", SIMULATE),
     Entry("calibrate-model", "Scale the ropes until the first frequency is the given one.", "model.calibrate_model", SIMULATE),
     Entry("calibrate", "Measure the robot's struts with a person at the keyboard; write a calibration.", "robot.calibrate", ROBOT),
     Entry("travel", "Roll the virtual prototype to a place on the floor, replanned after every roll.", "robot.travel", ROBOT),

@@ -28,6 +28,7 @@ from tensegrity_interfaces.srv import Arm, Disarm, Rehearse, SetFace
 from tensegrity_lab.stack.ros_thread import Spinner
 from tensegrity_lab.trials.remote_panel import key_text
 from tensegrity_robot.ros import topics
+from tensegrity_robot.ros.conversions import frame_prefix
 from tensegrity_robot.ros.node_process import own_context
 
 Answer = Callable[[bool, str], None]
@@ -177,7 +178,7 @@ class RosSide:
     def travel(self, place_m: tuple[float, float], answer: Answer) -> None:
         """Travel to a place on the floor."""
         goal = Travel.Goal()
-        goal.goal.header.frame_id = "odom"
+        goal.goal.header.frame_id = frame_prefix(self._node) + "odom"
         goal.goal.header.stamp = self._node.get_clock().now().to_msg()
         goal.goal.pose.position.x, goal.goal.pose.position.y = place_m
         self._act(self._travels, "travel", goal, answer)

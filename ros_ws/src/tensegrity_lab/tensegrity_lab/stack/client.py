@@ -29,6 +29,7 @@ from tensegrity_lab.errors import StackError, granted
 from tensegrity_lab.stack.processes import START_LIMIT_S, Stack, wait_until
 from tensegrity_lab.stack.ros_thread import Spinner
 from tensegrity_robot.ros import topics
+from tensegrity_robot.ros.conversions import frame_prefix
 from tensegrity_robot.ros.node_process import own_context
 
 MID_M = 0.234
@@ -367,7 +368,7 @@ class StackClient:
     ) -> Any:
         """Travel to a place on the floor; the action's result. KeyboardInterrupt cancels it, as in `roll`."""
         goal = Travel.Goal(reach_m=reach_m, most_rolls=most_rolls)
-        goal.goal.header.frame_id = "odom"
+        goal.goal.header.frame_id = frame_prefix(self.node) + "odom"
         goal.goal.pose.position.x, goal.goal.pose.position.y = place_m
         return self._whole(self.send(ActionClient(self.node, Travel, "travel"), goal, "travel", tell), "travel", limit_s)
 

@@ -25,6 +25,7 @@ from hardware_bridge.recording.session_bag import SessionLog, bag_folder, mend_j
 from hardware_bridge.safety.supervisor_messages import Mode
 from hardware_bridge.safety.trajectory import Trajectory
 from sim_core.errors import SimError
+from sim_core.structure.urdf import BASE
 from tensegrity_interfaces.msg import TwinState
 from tensegrity_robot.bridge import bridge_messages
 from tensegrity_robot.bridge.bridge_diagnostics import STALE, Part, diagnostics, parts_of
@@ -42,7 +43,7 @@ from tensegrity_robot.ros import conversions
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_parameters import declare_parameters
 from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
-from tensegrity_robot.ros.topics import BRIDGE_FACE, BRIDGE_JOINT_STATES, BRIDGE_STATE, DIAGNOSTICS, STRUTS_SENT, TWIN_STATE
+from tensegrity_robot.ros.topics import BRIDGE_FACE, BRIDGE_JOINT_STATES, BRIDGE_STATE, DIAGNOSTICS, FRAMES, STRUTS_SENT, TWIN_STATE
 
 FEEDBACK_PERIOD_S = 0.1
 STATE_PERIOD_S = 0.5
@@ -86,9 +87,11 @@ class HardwareBridgeNode(LifecycleNode):
         self._rested_s = p.rested_s
         self._hint = f"unconfigured: ros2 lifecycle set {self.get_fully_qualified_name()} configure"
         self._hinted = False
-        self._topics = RecordedTopics(self, {TWIN_STATE.name: self._follows_this_stream})
+        base = f"{conversions.frame_prefix(self)}{BASE}".encode()
+        self._topics = RecordedTopics(self, {TWIN_STATE.name: self._follows_this_stream, FRAMES.name: lambda data: base in data})
         self._others = OtherBridges(self)
-        self._observing = Observing(self, self._topics, p.frame, p.stall_limit_m)
+        self._frame = conversions.frame_prefix(self) + p.frame
+        self._observing = Observing(self, self._topics, self._frame, p.stall_limit_m)
         self._motions = MotionServer(self, self._topics)
         self._calls = BridgeCalls(self, self._topics)
         self.create_timer(FEEDBACK_PERIOD_S, self._motions.attend, clock=STEADY)
@@ -270,13 +273,13 @@ class HardwareBridgeNode(LifecycleNode):
     # ---- what the bridge tells, from its own threads, in order --------------------------------------------------------
 
     def _on_bridge_sent(self, event: SentEvent) -> None:
-        header = Header(stamp=conversions.stamp_of(event.wall_ns), frame_id=self._settings.frame)
+        header = Header(stamp=conversions.stamp_of(event.wall_ns), frame_id=self._frame)
         self._topics.publish(STRUTS_SENT, bridge_messages.struts_sent(event, header))
         self._topics.publish(BRIDGE_JOINT_STATES, conversions.joint_states(header.stamp, np.array(event.lengths_m)))
         self._observing.heard(event)
 
     def _on_bridge_face(self, event: FaceEvent) -> None:
-        header = Header(stamp=conversions.stamp_of(event.wall_ns), frame_id=self._settings.frame)
+        header = Header(stamp=conversions.stamp_of(event.wall_ns), frame_id=self._frame)
         self._topics.publish(BRIDGE_FACE, bridge_messages.face_observation(event, header))
 
     def _on_bridge_state(self, snapshot: Snapshot) -> None:

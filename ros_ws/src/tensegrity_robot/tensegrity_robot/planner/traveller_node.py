@@ -34,6 +34,7 @@ from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import FaceGraph
 from tensegrity_robot.ros import topics
+from tensegrity_robot.ros.conversions import frame_prefix
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
 from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
 
@@ -180,8 +181,9 @@ class TravellerNode(Node):
 
     def _refusal(self, goal: PoseStamped) -> str:
         """Why a goal cannot be one; empty: it can."""
-        if goal.header.frame_id.lstrip("/") != self._settings.frame:
-            return f"the goal is in frame {goal.header.frame_id!r}: valid is {self._settings.frame!r}"
+        frame = frame_prefix(self) + self._settings.frame
+        if goal.header.frame_id.lstrip("/") != frame:
+            return f"the goal is in frame {goal.header.frame_id!r}: valid is {frame!r}"
         if not (math.isfinite(goal.pose.position.x) and math.isfinite(goal.pose.position.y)):
             return "the goal is no place: x and y must be numbers"
         return ""

@@ -3,15 +3,18 @@
 
 import numpy as np
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion
+from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
+from rclpy.node import Node
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
+from tf2_msgs.msg import TFMessage
 
 from sim_core.dynamics.robot import Robot
 from sim_core.names import STRUT_NAMES
 from sim_core.structure.arrays import Array
-from sim_core.structure.rotations import quaternion_of
+from sim_core.structure.rotations import matrix_of, quaternion_of, relative_quaternion, rotated
 from sim_core.structure.topology import TENDONS
+from sim_core.structure.urdf import BASE, LINKS
 from sim_core.twin.follower import Observed, Sent
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 
@@ -34,6 +37,12 @@ def nanoseconds(stamp: Time) -> int:
 def stamp_of(since_1970_ns: int) -> Time:
     """ROS time of the computer's clock."""
     return Time(sec=since_1970_ns // 1_000_000_000, nanosec=since_1970_ns % 1_000_000_000)
+
+
+def frame_prefix(node: Node) -> str:
+    """What begins the names of all frames of a node's robot: its namespace and a slash, or nothing."""
+    namespace = str(node.get_namespace()).strip("/")
+    return f"{namespace}/" if namespace else ""
 
 
 def point(position_m: Array) -> Point:
@@ -60,6 +69,25 @@ def body_pose(robot: Robot, header: Header) -> PoseStamped:
     """Centre of the joints and their best-fit rotation."""
     center, turn = robot.body_pose()
     return PoseStamped(header=header, pose=pose(center, quaternion_of(turn)))
+
+
+def frames(robot: Robot, body: PoseStamped, prefix: str) -> TFMessage:
+    """Transforms from the frame of a body pose to `base_link`, and from there to the URDF's links, with the pose's stamp."""
+    at, to = body.pose.position, body.pose.orientation
+    center, base = np.array([at.x, at.y, at.z]), np.array([to.w, to.x, to.y, to.z])
+    places = rotated(matrix_of(base).T, np.vstack([robot.joints_m(), robot.box_m()]) - center)
+    turns = relative_quaternion(base, robot.quaternions())
+    header = Header(stamp=body.header.stamp, frame_id=prefix + BASE)
+    links = [_transform(header, prefix + name, places[index], turns[index]) for name, index in LINKS.items()]
+    return TFMessage(transforms=[_transform(body.header, prefix + BASE, center, base), *links])
+
+
+def _transform(header: Header, child: str, position_m: Array, quaternion: Array) -> TransformStamped:
+    x, y, z = (float(value) for value in position_m)
+    rotation = pose(position_m, quaternion).orientation
+    return TransformStamped(
+        header=header, child_frame_id=child, transform=Transform(translation=Vector3(x=x, y=y, z=z), rotation=rotation)
+    )
 
 
 def joint_states(stamp: Time, lengths_m: Array, speeds_m_s: Array | None = None, forces_n: Array | None = None) -> JointState:

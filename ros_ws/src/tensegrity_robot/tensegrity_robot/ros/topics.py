@@ -12,6 +12,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
@@ -79,6 +80,10 @@ TWIN_JOINT_STATES = Topic("twin/joint_states", JointState, qos.STATES, "others",
 TWIN_JOINTS = Topic("twin/joints", PoseArray, qos.STATES, "", "twelve joints, then the box")
 TWIN_POSE = Topic("twin/pose", PoseStamped, qos.STATES, "others", "body pose: centre of the nodes, best-fit rotation")
 TWIN_MARKERS = Topic("twin/markers", MarkerArray, qos.STATES, "others", "the robot for viewers, also of a bag; at most 20 Hz")
+FRAMES = Topic(
+    "/tf", TFMessage, qos.STATES, "others", "the twin's frames, below a namespace as `NAMESPACE/base_link`; at most 50 Hz"
+)
+ROBOT_DESCRIPTION = Topic("robot_description", String, qos.LATCHED, "others", "the robot's URDF, whose links are the frames of /tf")
 TWIN_COMMAND = Topic("twin/command", JointTrajectory, qos.STATES, "", "rest lengths for a stand-alone twin")
 GOAL_POSE = Topic("goal_pose", PoseStamped, qos.STATES, "others", "where to travel; replaces the travel under way")
 TRAVEL_GOAL = Topic("travel/goal", PoseStamped, qos.LATCHED, "others", "where the travel under way goes")

@@ -9,6 +9,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from sim_core.dynamics.robot import Robot
 from sim_core.structure.arrays import Array
 from sim_core.structure.topology import FACES, STRUTS, TENDONS
+from sim_core.structure.urdf import BOX_SIDE_M, COLOURS, JOINT_THICKNESS
 from tensegrity_robot.ros.conversions import point, pose
 
 NAMESPACE = "twin"
@@ -17,9 +18,7 @@ GROUND_LIFT_M = 0.001
 """The face is drawn a little above the floor, so that a grid at z = 0 does not flicker through it."""
 
 _SLACK = ColorRGBA(r=0.6, g=0.6, b=0.6, a=0.4)
-_STRUT = ColorRGBA(r=0.25, g=0.27, b=0.32, a=1.0)
-_JOINT = ColorRGBA(r=0.95, g=0.75, b=0.2, a=1.0)
-_BOX = ColorRGBA(r=0.2, g=0.6, b=0.35, a=1.0)
+_STRUT, _JOINT, _BOX = (ColorRGBA(**dict(zip("rgba", COLOURS[part], strict=True))) for part in ("strut", "joint", "box"))
 _FACE = ColorRGBA(r=0.2, g=0.5, b=0.9, a=0.5)
 _TEXT = ColorRGBA(r=0.9, g=0.9, b=0.9, a=1.0)
 
@@ -40,9 +39,9 @@ def markers(robot: Robot, face: str, header: Header, tendon_full_scale_n: float)
     struts.color = _STRUT
     tendons = _lines(header, 1, places, TENDONS, TENDON_WIDTH_M)
     tendons.colors = [colour for force in forces for colour in [_tension_colour(force / tendon_full_scale_n)] * 2]
-    spheres = _marker(header, 2, Marker.SPHERE_LIST, 1.4 * prototype.strut_diameter_m, _JOINT)
+    spheres = _marker(header, 2, Marker.SPHERE_LIST, JOINT_THICKNESS * prototype.strut_diameter_m, _JOINT)
     spheres.points = [point(place) for place in places]
-    box = _marker(header, 3, Marker.CUBE, 0.04, _BOX)
+    box = _marker(header, 3, Marker.CUBE, BOX_SIDE_M, _BOX)
     box.pose = pose(robot.box_m(), robot.quaternions()[-1])
     return MarkerArray(markers=[struts, tendons, spheres, box, *_ground_face(header, places, face)])
 

@@ -16,7 +16,7 @@ from geometry_msgs.msg import PoseArray, PoseStamped
 from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from trajectory_msgs.msg import JointTrajectory
 
 from hardware_bridge.driver.frame_timer import Streamer
@@ -27,6 +27,7 @@ from sim_core.errors import DivergedError
 from sim_core.rolling.warm_up import Stage, is_warm, warm_up
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.topology import require_face
+from sim_core.structure.urdf import urdf
 from sim_core.twin.event_stream import Arrival, Begin, EventStream
 from sim_core.twin.follower import Event, Follower, Observed
 from sim_core.twin.rest_detector import RestWatch
@@ -48,6 +49,9 @@ MOST_DUE = 50_000
 BEGIN_WAIT_S = 1.0
 """A stream begins this long after its first write was heard; the faces that somebody saw before arrive sooner."""
 
+FRAMES_HZ = 50.0
+"""Most that /tf is published a second."""
+
 TENDON_FULL_SCALE = 2.5
 """Tension drawn in full red, in tensions of the ideal shape."""
 
@@ -64,7 +68,7 @@ class TwinParameters:
     actuators: str = parameter("ideal", "following: its actuators: ideal, stand-in (they feel their load), or a YAML file")
     rate_hz: float = parameter(20.0, "how often state and joints are published [Hz]", low=1.0, high=200.0)
     markers_hz: float = parameter(10.0, "how often markers are published [Hz]; 0: never", low=0.0, high=20.0)
-    frame: str = parameter("odom", "frame of all poses")
+    frame: str = parameter("odom", "frame of all poses; below a namespace its name gets that prefix: robot1/odom")
     time_scale: float = parameter(1.0, "stand-alone: robot seconds per second", low=0.01, high=50.0)
 
 
@@ -106,6 +110,8 @@ class TwinNode(Node):
         """Whoever steps the model, or shows it, holds it."""
         self._shown: _Shown | None = None
         self._told_start = False
+        self._prefix = conversions.frame_prefix(self)
+        self._frames_due_s = 0.0
         self._full_scale_n = TENDON_FULL_SCALE * float(Robot(self._model).cable_forces_n()[:24].mean())
 
         self._state = topics.TWIN_STATE.publisher(self)
@@ -114,6 +120,10 @@ class TwinNode(Node):
         self._joints = topics.TWIN_JOINTS.publisher(self)
         self._pose = topics.TWIN_POSE.publisher(self)
         self._markers = topics.TWIN_MARKERS.publisher(self)
+        self._frames = topics.FRAMES.publisher(self)
+        self._description = topics.ROBOT_DESCRIPTION.publisher(self)
+        self._urdf = String(data=urdf(prototype, self._prefix))
+        self._description.publish(self._urdf)
         if self._alone is None:
             found = SubscriptionEventCallbacks(matched=self._on_bridge_found)
             topics.STRUTS_SENT.subscribe(self, self._on_sent, event_callbacks=found)
@@ -193,6 +203,7 @@ class TwinNode(Node):
     def _begin(self, begin: Begin) -> None:
         """A new stream: begin where the robot was last seen, else where the twin believes it to stand."""
         self._follow_from(begin.face or self._follower.robot.footing().face or self._settings.start_face)
+        self._description.publish(self._urdf)  # once more, for the bag of the session that begins
         self.get_logger().info(f"the event stream begins; the twin stands on {self._began_on}")
 
     def _begin_again(self, error: DivergedError) -> None:
@@ -226,7 +237,7 @@ class TwinNode(Node):
         return self._now.robot
 
     def _header(self) -> Header:
-        return Header(stamp=self.get_clock().now().to_msg(), frame_id=self._settings.frame)
+        return Header(stamp=self.get_clock().now().to_msg(), frame_id=self._prefix + self._settings.frame)
 
     def _on_deadline(self, _missed: int) -> None:
         with self._turn:
@@ -242,6 +253,9 @@ class TwinNode(Node):
             self._joint_states.publish(shown.joint_states)
             self._joints.publish(shown.joints)
             self._pose.publish(shown.pose)
+            if time.monotonic() >= self._frames_due_s:
+                self._frames_due_s = time.monotonic() + 1.0 / FRAMES_HZ
+                self._frames.publish(conversions.frames(self._robot, shown.pose, self._prefix))
         if not self._told_start:
             self._told_start = True
             self.get_logger().info(f"first state published {age_s():.2f} s after the process began")

@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robot as MuJoCo gets it, read as XML: MuJoCo itself is not among the packages of the tests."""
+"""The robot as MuJoCo gets it, read as XML, and put down in MuJoCo."""
 
+import importlib
 import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
 
 from sim_core.structure.elements import elements_of, previous_elements_of
+from sim_core.structure.mujoco_model import damped, mjcf, positions_of, read_sensors
 from sim_core.structure.parameters import load_prototype
-from tests.benchmarks.solver.mujoco_model import mjcf, positions_of
+from sim_core.structure.topology import FACES
 
 
 @pytest.fixture(scope="module")
@@ -59,7 +61,7 @@ def test_its_points_lie_where_the_robot_s_do(tree, elements):
         for side in (0, 1):
             assert sites[f"c{cable}_{side}"] == pytest.approx(ours[side], abs=1e-12)
     for joint in range(12):
-        assert sites[f"joint{joint}"] == pytest.approx(elements.position_m[joint], abs=1e-12)
+        assert sites[f"N{joint + 1}"] == pytest.approx(elements.position_m[joint], abs=1e-12)
 
 
 def turn_of(q):
@@ -83,3 +85,42 @@ def test_generalised_positions_are_six_struts_and_the_box(elements):
 def test_another_model_is_refused():
     with pytest.raises(ValueError, match="improved model"):
         mjcf(previous_elements_of(load_prototype()), 0.001)
+
+
+@pytest.mark.parametrize("face", ["TC6", "TO5"])
+def test_put_down_its_feet_touch_the_ground(elements, face):
+    tree = ElementTree.fromstring(mjcf(elements, 0.001, face=face))
+    heights = []
+
+    def visit(body, turn, shift):
+        shift = shift + turn @ numbers(body.get("pos", "0 0 0"))
+        turn = turn @ turn_of(numbers(body.get("quat", "1 0 0 0")))
+        heights.extend((shift + turn @ numbers(foot.get("pos")))[2] for foot in body.findall("geom"))
+        for inner in body.findall("body"):
+            visit(inner, turn, shift)
+
+    for body in tree.findall("worldbody/body"):
+        visit(body, np.eye(3), np.zeros(3))
+    lowest = sorted(heights)[:3]
+    assert len(heights) == 60
+    assert lowest[0] == pytest.approx(0.0, abs=1e-12)
+    assert lowest[2] < 0.001
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("face", ["TC6", "TO5"])
+def test_in_mujoco_it_rests_as_high_as_the_twin(elements, face):
+    mujoco = importlib.import_module("mujoco")
+    from sim_core.dynamics.model import build_model
+    from sim_core.dynamics.robot import Robot
+
+    model = damped(mujoco.MjModel.from_xml_string(mjcf(elements, 0.001, sensors=True, face=face)))
+    data = mujoco.MjData(model)
+    for _ in range(8000):
+        mujoco.mj_step(model, data)
+    joints, box, speeds, _ = read_sensors(data.sensordata)
+    robot = Robot.resting_on(build_model(load_prototype()), face)
+    height = float(elements.mass_kg @ np.append(joints[:, 2], box[2]) / elements.mass_kg.sum())
+    assert height == pytest.approx(float(robot.center_of_mass_m()[2]), rel=0.01)
+    assert set(np.argsort(joints[:, 2])[:3]) == set(FACES[face])
+    assert np.abs(speeds).max() < 1e-3
