@@ -3,8 +3,8 @@
 
 numba looks only at the file of the cached function itself: after a change of a function that it calls in another file it
 would go on using the old code. So the folder's name holds a hash of all that compiled functions can see. It lies beside the sources
-if that is writable, else in the user's cache. Each file ends with its checksum: numba believes whatever it finds, and a process dies
-of a damaged one.
+if that is writable, else in the user's cache. Each file ends with its checksum: numba believes whatever it finds, and a process
+dies of a damaged one.
 
 Whoever compiles takes `njit` from here, so that the folder is set before; what compiles nothing needs no numba at all.
 """
@@ -90,7 +90,10 @@ def use_own_folder() -> Path:
     return folder
 
 
-class CheckedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
+_Files: Any = caching.IndexDataCacheFile
+
+
+class CheckedFiles(_Files):  # type: ignore[misc]
     """numba's files of one function, with checksums: what is damaged counts as not there, and is compiled and written again."""
 
     told = False
@@ -130,5 +133,5 @@ class CheckedFiles(caching.IndexDataCacheFile):  # type: ignore[misc]
         return False
 
 
-caching.IndexDataCacheFile = CheckedFiles
+caching.IndexDataCacheFile = CheckedFiles  # type: ignore[misc]
 use_own_folder()
