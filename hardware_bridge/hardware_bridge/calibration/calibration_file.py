@@ -141,7 +141,7 @@ def text_of(robot: str | None, mid_stroke_length_m: float, struts: Mapping[str, 
             f"us_per_mm: {strut.us_per_mm!r}, direction: {strut.direction}, trim_us: {strut.trim_us}, "
             f"stroke_mm: [{low_mm:g}, {high_mm:g}], pulse_us: [{low_us}, {high_us}]}}"
         )
-    return sealed(head + "\n".join(lines))
+    return sealed(head + "\n".join(lines) + "\n")
 
 
 def write_calibration(

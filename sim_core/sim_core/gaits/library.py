@@ -176,4 +176,4 @@ def library_text(library: Library) -> str:
         margins = ", ".join(f"{key}: {value:g}" for key, value in p.margins.items())
         policy = ", ".join(map(str, p.policy))
         lines.append(f"- {{name: {p.name}, class: {p.roll_class.name}, policy_mm: [{policy}], margins: {{{margins}}}}}")
-    return sealed("\n".join(lines))
+    return sealed("\n".join(lines) + "\n")

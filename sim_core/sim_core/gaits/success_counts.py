@@ -51,7 +51,7 @@ def success_counts_text(counts: SuccessCounts) -> str:
     head = {"schema": SCHEMA, "library_hash": counts.library_hash, "how": counts.how, "trials": counts.trials}
     lines = [yaml_text(head) + "wins:"]
     lines += [f"  {name}: [{', '.join(map(str, wins))}]" for name, wins in counts.wins.items()]
-    return sealed("\n".join(lines))
+    return sealed("\n".join(lines) + "\n")
 
 
 def load_success_counts(library: Library, path: Path | None = None) -> SuccessCounts | None:

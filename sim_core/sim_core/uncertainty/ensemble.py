@@ -97,7 +97,7 @@ def posterior_text(posterior: Posterior) -> str:
     for weight, member in zip(posterior.weights, posterior.members, strict=True):
         cells = [f"{value:.{DIGITS}g}" for value in (weight, *member.parameters)]
         lines.append(f"- [{', '.join([*cells, str(member.seed), str(member.number)])}]")
-    return sealed("\n".join(lines))
+    return sealed("\n".join(lines) + "\n")
 
 
 def load_posterior(path: Path | str) -> Posterior:

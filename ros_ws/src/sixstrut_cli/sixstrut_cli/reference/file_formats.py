@@ -62,7 +62,7 @@ digits; what YAML 1.1 and 1.2 read differently is refused.
 
 How damage is told: chunks, sections and attachments of a bag, every record of a journal, every line of a ledger and the compiled
 code have checksums. What is damaged is one line of error with file, cause and remedy; a journal loses the damaged place only, and
-compiled code is compiled again. A YAML file that a program wrote ends with `# sha256 of all above: …`: if somebody edited it since,
+compiled code is compiled again. A YAML file that a program wrote begins with `# sha256 of all below: …`: if it was changed since,
 whoever reads it says so once, and uses it."""
 
 BAG = """\
