@@ -183,7 +183,7 @@ def _files_in(folder: Path) -> list[Path]:
     if not is_bag_folder(folder):
         inside = [path.name for path in sorted(folder.iterdir()) if path.suffix in (".mcap", ".db3")]
         what = f"it holds {inside[0]}" if inside else "there is no .mcap file in it"
-        remedy = f", or write its {ROSBAG2} with `ros2 bag reindex`" if inside else ""
+        remedy = f" of the bridge, or write its {ROSBAG2} with `ros2 bag reindex`" if inside else ""
         raise BagError(f"{folder} is a folder without {ROSBAG2}, and {what}: give an .mcap file{remedy}")
     try:
         information = read_yaml(folder / ROSBAG2)["rosbag2_bagfile_information"]

@@ -44,7 +44,7 @@ def bags_of(paths: Sequence[Path]) -> list[Path]:
     found: list[Path] = []
     for path in paths:
         below = {file.parent if is_bag_folder(file.parent) else file for file in path.rglob("*.mcap")}
-        own = sorted(below) if path.is_dir() and not is_bag_folder(path) else [path]
+        own = (sorted(below) or sorted(path.rglob("*.db3"))) if path.is_dir() and not is_bag_folder(path) else [path]
         if not own:
             raise BagError(f"{path} holds no bag (*.mcap): give a bag, or the folder of a session that the stack ran")
         found += own

@@ -75,7 +75,7 @@ def read_tries(paths: Sequence[Path], model: Model, library: str | None = None) 
     doubles = [path for path, count in Counter(path.resolve() for path in paths).items() if count > 1]
     if doubles:
         raise SessionError(f"{doubles[0]} is given twice: its trials would count twice")
-    parts = [_bag(path, model, library) if path.suffix == ".mcap" or is_bag_folder(path) else _session(path) for path in paths]
+    parts = [_bag(path, model, library) if path.suffix == ".mcap" or path.is_file() or is_bag_folder(path) else _session(path) for path in paths]
     for what, values in (
         ("robots", {part.robot for part in parts}),
         ("libraries", {part.library.hash for part in parts}),
