@@ -103,6 +103,12 @@ class Session:
             if name == topic or name.endswith("/" + topic):
                 yield from messages
 
+    def require(self, *topics: str) -> None:
+        """Raises BagError: a bag of rosbag2, which records what it is told to, has no message of one of them."""
+        missing = [topic for topic in topics if next(self.recorded(topic), None) is None]
+        if missing and is_bag_folder(self.path):
+            raise BagError(f"{self.path} holds no message of topic {missing[0]}: record it too, or give a bag of the bridge")
+
     def of(self, topic: str) -> Iterator[Any]:
         """Decoded messages of a topic, as `recorded`."""
         return (recorded.message for recorded in self.recorded(topic))

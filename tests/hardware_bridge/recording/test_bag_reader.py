@@ -204,7 +204,9 @@ def test_a_damaged_list_of_a_folders_files_is_told(tmp_path):
 def test_a_folder_is_told_with_what_is_in_it(tmp_path):
     assert "is a folder without metadata.yaml, and there is no .mcap file in it" in refusal(tmp_path)
     (tmp_path / "a.mcap").write_bytes(b"")
-    assert "it holds a.mcap: give an .mcap file of the bridge, or write its metadata.yaml with `ros2 bag reindex`" in refusal(tmp_path)
+    assert "it holds a.mcap: give an .mcap file of the bridge, or write its metadata.yaml with `ros2 bag reindex`" in refusal(
+        tmp_path
+    )
 
 
 def test_a_journal_and_a_bag_that_is_being_written_say_how_they_become_one(tmp_path):

@@ -39,10 +39,11 @@ def test_the_example_s_rolls_were_foretold_and_came(tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def recorded_by_rosbag2(path: Path) -> Path:
+def recorded_by_rosbag2(path: Path, without: tuple[str, ...] = ()) -> Path:
     """The example as rosbag2 records it beside the live stack: live names, nothing attached, in two files."""
     rows = list(make_reader(io.BytesIO(BAG.read_bytes())).iter_messages())
-    path.parent.mkdir()
+    rows = [row for row in rows if not row[1].topic.endswith(without or "\n")]
+    path.parent.mkdir(exist_ok=True)
     folder(path, ["rec_0.mcap", "rec_1.mcap"])
     for number, part in enumerate((rows[: len(rows) // 2], rows[len(rows) // 2 :])):
         with (path / f"rec_{number}.mcap").open("wb") as stream:
@@ -68,6 +69,13 @@ def test_what_rosbag2_records_of_the_live_stack_is_a_bag_as_ours(tmp_path):
     assert events_of(theirs) == events_of(ours)
     with pytest.raises(SessionError, match="holds no trials"):
         trials_of(recorded)
+
+
+@pytest.mark.parametrize("topic", ["bridge/asked", "bridge/face", "rehearsal"])
+def test_a_topic_that_rosbag2_was_not_told_to_record_is_named(tmp_path, topic):
+    recorded = recorded_by_rosbag2(tmp_path / "bags" / "rosbag", without=(topic,))
+    with pytest.raises(BagError, match=f"holds no message of topic {topic}: record it too"):
+        foretold_in(recorded)
 
 
 def test_a_roll_that_ended_elsewhere_failed_and_one_without_a_rehearsal_does_not_count(monkeypatch):

@@ -63,6 +63,7 @@ def newest() -> Path:
 def foretold_in(path: Path) -> list[Foretold]:
     """The rehearsed rolls of a bag, in order. Trials that an operator called void, or revoked, are left out. Raises BagError."""
     session = read_session(path, topics=TOPICS)
+    session.require("bridge/asked", "bridge/face", "rehearsal")
     tries = attempts_of(session, model_of(session).prototype.strut_length_m)
     rehearsals = sorted(session.of("rehearsal"), key=lambda m: seconds_of(m.header.stamp))
     unsure = _unsure(lines_in_bag(path), tries)
