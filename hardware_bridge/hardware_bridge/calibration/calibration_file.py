@@ -18,7 +18,7 @@ from hardware_bridge.calibration.pulse_map import Calibration, StrutCalibration
 from hardware_bridge.errors import CalibrationError
 from sim_core.errors import FileError, YamlError, brief
 from sim_core.files.bounded_reader import read_bytes
-from sim_core.files.yaml_reader import parse_yaml, read_yaml
+from sim_core.files.yaml_reader import parse_yaml, read_yaml, sealed
 from sim_core.names import STRUT_NAMES
 
 LONGEST_NAME = 40
@@ -141,7 +141,7 @@ def text_of(robot: str | None, mid_stroke_length_m: float, struts: Mapping[str, 
             f"us_per_mm: {strut.us_per_mm!r}, direction: {strut.direction}, trim_us: {strut.trim_us}, "
             f"stroke_mm: [{low_mm:g}, {high_mm:g}], pulse_us: [{low_us}, {high_us}]}}"
         )
-    return head + "\n".join(lines) + "\n"
+    return sealed(head + "\n".join(lines) + "\n")
 
 
 def write_calibration(

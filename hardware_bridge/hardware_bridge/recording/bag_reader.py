@@ -7,6 +7,7 @@ together by the file's size, messages by their number. Only the topics that are 
 have the fields that are read.
 """
 
+import os
 import struct
 import zlib
 from collections.abc import Callable, Collection, Iterator
@@ -24,6 +25,8 @@ from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.recording.bag_types import misfit_of
+from sim_core.errors import FileError
+from sim_core.files.yaml_reader import read_yaml
 from sim_core.printable import printable
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -45,6 +48,13 @@ MOST_WANTED = 1 << 30
 MOST_ATTACHED = 64 << 20
 MOST_CHANNELS = 10_000
 
+MOST_FILES = 1000
+"""Of one folder."""
+ROSBAG2 = "metadata.yaml"
+"""What rosbag2 keeps beside the files of a bag."""
+
+_CONVERT = "convert it with `ros2 bag convert` to storage mcap, or give an .mcap file"
+_TOO_LARGE = "is too large to be read at once"
 _COPY = "copy it again from where it was recorded"
 
 
@@ -76,7 +86,7 @@ class Session:
     """A bag in memory.
 
     Attributes:
-        path: the file.
+        path: the file, or rosbag2's folder.
         messages: topic without the recording prefix and namespace's leading slash ("bridge/struts_sent") -> messages in log order.
         attachments: name -> bytes.
         metadata: name -> mapping of strings.
@@ -92,6 +102,12 @@ class Session:
         for name, messages in self.messages.items():
             if name == topic or name.endswith("/" + topic):
                 yield from messages
+
+    def require(self, *topics: str) -> None:
+        """Raises BagError: a bag of rosbag2, which records what it is told to, has no message of one of them."""
+        missing = [topic for topic in topics if next(self.recorded(topic), None) is None]
+        if missing and is_bag_folder(self.path):
+            raise BagError(f"{self.path} holds no message of topic {missing[0]}: record it too, or give a bag of the bridge")
 
     def of(self, topic: str) -> Iterator[Any]:
         """Decoded messages of a topic, as `recorded`."""
@@ -132,7 +148,7 @@ def read_session(path: Path | str, since_ns: int = 0, until_ns: int = 1 << 64, t
     """Read a bag, or only what was logged within a span.
 
     Args:
-        path: of the bag.
+        path: of the bag: a file, or a folder of rosbag2 with its files.
         since_ns: earliest log time (ROS time).
         until_ns: end of the span, itself left out.
         topics: that are decoded, such as "bridge/struts_sent"; None: all that can be.
@@ -147,17 +163,49 @@ def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Bag:
     """Read a bag without decoding a message. Args, Raises: as `read_session`."""
     file = Path(path)
     try:
-        size = file.stat().st_size
-        with file.open("rb") as stream:
-            bag = _Reading(file, stream, size, topics).bag()
-    except IsADirectoryError as error:
-        inside = sorted(file.glob("*.mcap"))
-        what = f"it holds {inside[0].name}" if inside else "there is no .mcap file in it"
-        raise BagError(f"{file} is a folder, and {what}: give an .mcap file") from error
+        parts = _files_in(file) if file.is_dir() else [file]
+        bag = Bag(file)
+        for part in parts:
+            with part.open("rb") as stream:
+                read = _Reading(part, stream, os.fstat(stream.fileno()).st_size, topics).bag()
+            bag.messages += read.messages
+            bag.attachments |= read.attachments
+            bag.metadata |= read.metadata
+            if len(parts) > 1 and (len(bag.messages) > MOST_MESSAGES or sum(len(m.data) for m in bag.messages) > MOST_WANTED):
+                raise BagError(f"{file} {_TOO_LARGE}: give its files one by one")
     except OSError as error:
-        raise BagError(f"cannot read bag {file}: {error.strerror}; give the path of an .mcap file") from error
+        raise BagError(f"cannot read bag {error.filename or file}: {error.strerror}; give the path of an .mcap file") from error
     bag.messages.sort(key=lambda message: message.log_time_ns)
     return bag
+
+
+def is_bag_folder(path: Path) -> bool:
+    """Whether it is a folder that rosbag2 would read as one bag."""
+    return (path / ROSBAG2).is_file()
+
+
+def _files_in(folder: Path) -> list[Path]:
+    """The files of a folder that rosbag2 wrote, in its order. Raises BagError: it is none, or not of our storage."""
+    if not is_bag_folder(folder):
+        inside = [path.name for path in sorted(folder.iterdir()) if path.suffix in (".mcap", ".db3")]
+        what = f"it holds {inside[0]}" if inside else "there is no .mcap file in it"
+        remedy = f" of the bridge, or write its {ROSBAG2} with `ros2 bag reindex`" if inside else ""
+        raise BagError(f"{folder} is a folder without {ROSBAG2}, and {what}: give an .mcap file{remedy}")
+    try:
+        information = read_yaml(folder / ROSBAG2)["rosbag2_bagfile_information"]
+        names, storage = information["relative_file_paths"], information["storage_identifier"]
+        packed = information.get("compression_mode") or ""
+        parts = [folder / Path(name).name for name in names][: MOST_FILES + 1]  # old ones name the folder too
+    except (FileError, KeyError, TypeError, AttributeError) as error:
+        why = error.problem if isinstance(error, FileError) else "rosbag2 did not write it"
+        raise BagError(f"{folder / ROSBAG2} makes no sense ({why}): write it again with `ros2 bag reindex`") from error
+    if storage != "mcap":
+        raise BagError(f"{folder} is a bag of rosbag2's {printable(str(storage), 20)} storage: {_CONVERT}")
+    if str(packed).lower() == "message":
+        raise BagError(f"{folder} has messages compressed one by one: {_CONVERT}")
+    if not parts or len(parts) > MOST_FILES:
+        raise BagError(f"{folder / ROSBAG2} names {len(names)} files, valid are 1 to {MOST_FILES}: {_CONVERT}")
+    return parts
 
 
 def live_name(topic: str) -> str:
@@ -214,8 +262,7 @@ class _Reading:
         if not start:
             raise self._fail("is empty", "nothing was recorded in it, give another bag")
         if (start + self._stream.read(8)).startswith(b"SQLite format 3"):
-            remedy = "convert it with `ros2 bag convert` to storage mcap, or give an .mcap file"
-            raise self._fail("is a bag of rosbag2's sqlite3 storage", remedy)
+            raise self._fail("is a bag of rosbag2's sqlite3 storage", _CONVERT)
         if start.startswith(b"\x28\xb5\x2f\xfd"):
             raise self._fail("is compressed as a whole", "unpack it with `zstd -d` first")
         if MAGIC.startswith(start):
@@ -306,7 +353,7 @@ class _Reading:
             return
         self._wanted += end - start
         if len(self._bag.messages) >= MOST_MESSAGES or self._wanted > min(MOST_WANTED, FREE + 100 * self._size):
-            raise self._fail("is too large to be read at once", f"at most {MOST_MESSAGES} messages and 1 GB are")
+            raise self._fail(_TOO_LARGE, f"at most {MOST_MESSAGES} messages and 1 GB are")
         schema = channel.schema or ("", "", "")
         encoding = channel.encoding if schema[1] in ("ros2msg", "") or channel.encoding != "cdr" else f"cdr with {schema[1]}"
         body = data[start + MESSAGE_HEAD.size : end]

@@ -3,7 +3,8 @@
 
 numba looks only at the file of the cached function itself: after a change of a function that it calls in another file it
 would go on using the old code. So the folder's name holds a hash of all that compiled functions can see. It lies beside the sources
-if that is writable, else in the user's cache.
+if that is writable, else in the user's cache. Each file ends with its checksum: numba believes whatever it finds, and a process
+dies of a damaged one.
 
 Whoever compiles takes `njit` from here, so that the folder is set before; what compiles nothing needs no numba at all.
 """
@@ -12,11 +13,15 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Iterable
+import sys
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar
 
 import numba
+from numba.core import caching
 
 if TYPE_CHECKING:  # numba has no types: say what its decorator keeps of a function
     P = ParamSpec("P")
@@ -85,4 +90,48 @@ def use_own_folder() -> Path:
     return folder
 
 
+_Files: Any = caching.IndexDataCacheFile
+
+
+class CheckedFiles(_Files):  # type: ignore[misc]
+    """numba's files of one function, with checksums: what is damaged counts as not there, and is compiled and written again."""
+
+    told = False
+
+    def save(self, key: Any, data: Any) -> None:
+        """Keep compiled code; where it cannot be written (a full disk) this process goes on without."""
+        with suppress(OSError):
+            super().save(key, data)
+
+    def _load_index(self) -> dict[Any, str]:
+        return dict(super()._load_index()) if self._is_well(self._index_path) else {}
+
+    def _load_data(self, name: str) -> Any:
+        if not self._is_well(self._data_path(name)):
+            raise OSError(f"{name} is damaged")  # numba compiles it again
+        return super()._load_data(name)
+
+    @contextmanager
+    def _open_for_write(self, filepath: str) -> Iterator[BytesIO]:
+        with super()._open_for_write(filepath) as file, BytesIO() as whole:
+            yield whole
+            data = whole.getvalue()
+            file.write(data + hashlib.sha256(data).digest())
+
+    def _is_well(self, path: str) -> bool:
+        try:
+            data = Path(path).read_bytes()
+        except FileNotFoundError:
+            return False
+        except OSError:
+            data = b""
+        if hashlib.sha256(data[:-32]).digest() == data[-32:]:
+            return True
+        if not CheckedFiles.told:
+            CheckedFiles.told = True
+            print(f"{path} is damaged: compiling it again", file=sys.stderr)
+        return False
+
+
+caching.IndexDataCacheFile = CheckedFiles  # type: ignore[misc]
 use_own_folder()

@@ -6,6 +6,8 @@ anything is made of it. What YAML 1.1 and 1.2 read differently is refused, since
 dates are text, and so are keys. Documents are made from the parser's events, without recursion and without PyYAML's constructors.
 """
 
+import hashlib
+import logging
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -16,6 +18,7 @@ import yaml
 
 from sim_core.errors import FileError, SimError, YamlError
 from sim_core.files.bounded_reader import MOST_BYTES, read_bytes, text_of
+from sim_core.printable import printable
 
 MOST_NODES = 500_000
 MOST_DEPTH = 32
@@ -27,6 +30,9 @@ _RESOLVER = yaml.resolver.Resolver()
 _INTEGER = re.compile(r"[-+]?(0|[1-9][0-9]*)|0x[0-9a-fA-F]+")
 _FLOAT = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)")
 _TRUTH = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
+_SEAL = re.compile(r"^# sha256 of all below: ([0-9a-f]{16})\n", re.MULTILINE)
+_LOG = logging.getLogger(__name__)
+_told: set[tuple[str, str]] = set()
 _DIRECTIVE = re.compile(rb"^%", re.MULTILINE)
 _PRIVATE = "tag:yaml.org,2002:"
 
@@ -62,6 +68,7 @@ def parse_yaml(data: bytes | str, where: str) -> Any:
     if len(data) > MOST_BYTES:
         raise YamlError(where, f"it has more than {MOST_BYTES // 1_000_000} MB", "is it the right file?")
     text = text_of(data, where, YamlError)
+    _tell_if_changed(text, where)
     directive = _DIRECTIVE.search(data)
     if directive is not None:
         raise YamlError(where, "a directive (%)", "leave it out", data.count(b"\n", 0, directive.start()) + 1)
@@ -73,6 +80,27 @@ def parse_yaml(data: bytes | str, where: str) -> Any:
         raise YamlError(where, str(problem), "correct it", mark.line + 1 if mark else None) from None
     except (RecursionError, ValueError) as error:  # the parser written in Python, of a PyYAML without libyaml
         raise YamlError(where, str(error), "correct it") from None
+
+
+def sealed(text: str) -> str:
+    """Text of a file that a program writes, with a first line by which a reader knows whether it was changed since."""
+    text = _SEAL.sub("", text)
+    return f"# sha256 of all below: {_hash(text)}\n{text}"
+
+
+def _hash(text: str) -> str:
+    return hashlib.sha256(text.strip().encode()).hexdigest()[:16]
+
+
+def _tell_if_changed(text: str, where: str) -> None:
+    """Says so once, on the program's log: edited files are welcome, but what refers to the old one does not mean this one."""
+    text = text.replace("\r\n", "\n")  # a checkout may have changed the ends of lines
+    seal = _SEAL.search(text)
+    if seal is None or (_hash(text[seal.end() :]) == seal[1] and not text[: seal.start()].strip()):
+        return
+    if (where, seal[1]) not in _told:
+        _told.add((where, seal[1]))
+        _LOG.warning("%s: edited by hand since it was written, or damaged; it is used as it is", printable(where, 200))
 
 
 def _events(text: str) -> Iterator[Any]:

@@ -11,7 +11,7 @@ from typing import Any
 
 from sim_core.errors import YamlError
 from sim_core.files.bounded_reader import DATA
-from sim_core.files.yaml_reader import read_yaml, yaml_text
+from sim_core.files.yaml_reader import read_yaml, sealed, yaml_text
 from sim_core.gaits.library import Gait, Library
 
 SCHEMA = 1
@@ -56,7 +56,7 @@ def climbs_text(climbs: Climbs) -> str:
     """The YAML of what was measured."""
     head = {"schema": SCHEMA, "library_hash": climbs.library_hash, "how": climbs.how}
     document = {**head, "steepest_deg": dict(climbs.steepest_deg)}
-    return yaml_text(document)
+    return sealed(yaml_text(document))
 
 
 def load_climbs(library: Library) -> Climbs | None:

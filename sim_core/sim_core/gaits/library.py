@@ -10,7 +10,7 @@ from typing import Any
 
 from sim_core.errors import LibraryError, PolicyError, brief
 from sim_core.files.bounded_reader import DATA
-from sim_core.files.yaml_reader import read_yaml_or, yaml_text
+from sim_core.files.yaml_reader import read_yaml_or, sealed, yaml_text
 from sim_core.structure.policy import Policy, checked_policy
 from sim_core.structure.roll_classes import CLASSES, RollClass, class_of
 from sim_core.structure.symmetry import carrier
@@ -176,4 +176,4 @@ def library_text(library: Library) -> str:
         margins = ", ".join(f"{key}: {value:g}" for key, value in p.margins.items())
         policy = ", ".join(map(str, p.policy))
         lines.append(f"- {{name: {p.name}, class: {p.roll_class.name}, policy_mm: [{policy}], margins: {{{margins}}}}}")
-    return "\n".join(lines) + "\n"
+    return sealed("\n".join(lines) + "\n")

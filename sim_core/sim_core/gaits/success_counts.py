@@ -8,7 +8,7 @@ from typing import Any
 
 from sim_core.errors import LibraryError, YamlError
 from sim_core.files.bounded_reader import DATA
-from sim_core.files.yaml_reader import read_yaml, yaml_text
+from sim_core.files.yaml_reader import read_yaml, sealed, yaml_text
 from sim_core.gaits.library import Gait, Library
 from sim_core.printable import printable
 from sim_core.structure.roll_classes import rolls_of
@@ -51,7 +51,7 @@ def success_counts_text(counts: SuccessCounts) -> str:
     head = {"schema": SCHEMA, "library_hash": counts.library_hash, "how": counts.how, "trials": counts.trials}
     lines = [yaml_text(head) + "wins:"]
     lines += [f"  {name}: [{', '.join(map(str, wins))}]" for name, wins in counts.wins.items()]
-    return "\n".join(lines) + "\n"
+    return sealed("\n".join(lines) + "\n")
 
 
 def load_success_counts(library: Library, path: Path | None = None) -> SuccessCounts | None:

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim_core.dynamics.model import Model
 from sim_core.errors import SimError, brief
-from sim_core.files.yaml_reader import read_yaml_or, yaml_text
+from sim_core.files.yaml_reader import read_yaml_or, sealed, yaml_text
 from sim_core.printable import printable
 from sim_core.structure.arrays import Array
 from sim_core.uncertainty.fit_prior import Member, member_model
@@ -97,7 +97,7 @@ def posterior_text(posterior: Posterior) -> str:
     for weight, member in zip(posterior.weights, posterior.members, strict=True):
         cells = [f"{value:.{DIGITS}g}" for value in (weight, *member.parameters)]
         lines.append(f"- [{', '.join([*cells, str(member.seed), str(member.number)])}]")
-    return "\n".join(lines) + "\n"
+    return sealed("\n".join(lines) + "\n")
 
 
 def load_posterior(path: Path | str) -> Posterior:

@@ -159,11 +159,54 @@ def test_each_cause_has_its_own_line(tmp_path, cause):
     assert told in refusal(path)
 
 
+def folder(path: Path, names: list[str], storage: str = "mcap", packed: str = "") -> Path:
+    """What rosbag2 writes beside its files."""
+    listed = "".join(f"\n    - {name}" for name in names)
+    text = (
+        f"rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: {storage}\n  duration:\n    nanoseconds: 7\n"
+        f'  relative_file_paths:{listed}\n  compression_format: ""\n  compression_mode: "{packed}"\n  custom_data: ~\n'
+    )
+    path.mkdir(exist_ok=True)
+    (path / "metadata.yaml").write_text(text, encoding="utf-8")
+    return path
+
+
+def test_a_folder_of_rosbag2_is_one_bag(tmp_path):
+    bag = folder(tmp_path / "rosbag", ["b_1.mcap", "rosbag/b_0.mcap"])
+    (bag / "b_0.mcap").write_bytes(file(schema(), channel("/bridge/x"), message(log_time=5), message(log_time=7)))
+    (bag / "b_1.mcap").write_bytes(file(schema(), channel("/bridge/x"), message(log_time=6)))
+    (bag / "other.mcap").write_bytes(b"of no bag")
+    assert [found.log_time_ns for found in read_session(bag).recorded("bridge/x")] == [5, 6, 7]
+    assert read_bag(bag).path == bag
+
+
+@pytest.mark.parametrize(
+    ("told", "line"),
+    [
+        ({"storage": "sqlite3", "names": ["b_0.db3"]}, "is a bag of rosbag2's sqlite3 storage: convert it with `ros2 bag convert`"),
+        ({"names": ["b_0.mcap"], "packed": "MESSAGE"}, "has messages compressed one by one: convert it with `ros2 bag convert`"),
+        ({"names": ["gone.mcap"]}, "gone.mcap: No such file or directory"),
+        ({"names": ["b_0.mcap"] * 1001}, "names 1001 files, valid are 1 to 1000"),
+        ({"names": []}, "makes no sense (rosbag2 did not write it): write it again with `ros2 bag reindex`"),
+    ],
+)
+def test_a_folder_that_is_no_bag_says_why(tmp_path, told, line):
+    assert line in refusal(folder(tmp_path / "bag", **told))
+
+
+def test_a_damaged_list_of_a_folders_files_is_told(tmp_path):
+    bag = folder(tmp_path / "bag", ["a.mcap"])
+    for damaged in (b"", b"[1]", b"rosbag2_bagfile_information: 3", bytes(4096), b"a: 1\na: 2", b"\xff"):
+        (bag / "metadata.yaml").write_bytes(damaged)
+        assert "write it again with `ros2 bag reindex`" in refusal(bag)
+
+
 def test_a_folder_is_told_with_what_is_in_it(tmp_path):
-    assert "is a folder, and there is no .mcap file in it" in refusal(tmp_path)
-    written(tmp_path / "a.mcap")
-    assert "is a folder, and it holds a.mcap: give an .mcap file" in refusal(tmp_path)
-    assert "No such file" in refusal(tmp_path / "none.mcap")
+    assert "is a folder without metadata.yaml, and there is no .mcap file in it" in refusal(tmp_path)
+    (tmp_path / "a.mcap").write_bytes(b"")
+    assert "it holds a.mcap: give an .mcap file of the bridge, or write its metadata.yaml with `ros2 bag reindex`" in refusal(
+        tmp_path
+    )
 
 
 def test_a_journal_and_a_bag_that_is_being_written_say_how_they_become_one(tmp_path):

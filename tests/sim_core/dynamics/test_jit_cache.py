@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from sim_core.dynamics.jit_cache import KERNEL_SOURCES, PACKAGE
+from sim_core.dynamics.jit_cache import KERNEL_SOURCES, PACKAGE, CheckedFiles
 
 
 @pytest.fixture
@@ -137,3 +137,62 @@ def test_what_compiles_nothing_does_not_load_numba():
     """The YAML reader is used by the process that owns the port: it must be light."""
     code = "import sys, sim_core.files.yaml_reader; assert 'numba' not in sys.modules and 'numpy' not in sys.modules"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+SUM = """
+import numpy
+from sim_core.dynamics.jit_cache import njit
+
+@njit(cache=True)
+def total(values):
+    return values.sum()
+
+print(total(numpy.arange(4.0)), sum(total.stats.cache_hits.values()))
+"""
+
+
+def damaged(data):
+    """A file's bytes, as a power cut, a full disk or a bad disk leave them."""
+    yield from (b"", data[: len(data) // 2], bytes(len(data)), data[:-1])
+    middle = len(data) // 2
+    yield data[:middle] + bytes([data[middle] ^ 1]) + data[middle + 1 :]
+
+
+def test_a_damaged_file_of_compiled_code_counts_as_not_there(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(CheckedFiles, "told", False)
+    files = CheckedFiles(str(tmp_path), "total", "stamp")
+    files.save("key", {"code": bytes(range(256))})
+    for path in sorted(tmp_path.iterdir()):
+        for broken in damaged(path.read_bytes()):
+            assert files.load("key") == {"code": bytes(range(256))}
+            path.write_bytes(broken)
+            assert files.load("key") is None
+            files.save("key", {"code": bytes(range(256))})
+        path.unlink()
+        path.mkdir()
+        files.save("key", 1)
+        assert files.load("key") is None
+        path.rmdir()
+        files.save("key", {"code": bytes(range(256))})
+    assert capsys.readouterr().err.splitlines() == [f"{min(tmp_path.iterdir())} is damaged: compiling it again"]
+
+
+@pytest.mark.slow
+def test_damaged_compiled_code_is_compiled_again(tmp_path):
+    script = tmp_path / "total.py"
+    script.write_text(SUM, encoding="utf-8")
+
+    def run():
+        environ = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+        return subprocess.run([sys.executable, script], env=environ, capture_output=True, text=True, check=True)
+
+    assert (run().stdout.split(), run().stdout.split()) == (["6.0", "0"], ["6.0", "1"])
+    files = list((tmp_path / "cache").rglob("*.nb?"))
+    assert len(files) > 1
+    for path in files:
+        path.write_bytes(bytes(path.stat().st_size))
+    told = run()
+    assert told.stdout.split() == ["6.0", "0"]
+    assert told.stderr.endswith("is damaged: compiling it again\n")
+    assert told.stderr.count("\n") == 1
+    assert run().stdout.split() == ["6.0", "1"]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from sim_core.dynamics.actuators import load_actuators
 from sim_core.errors import SimError, YamlError
 from sim_core.files.bounded_reader import MOST_BYTES
-from sim_core.files.yaml_reader import parse_yaml, read_yaml
+from sim_core.files.yaml_reader import parse_yaml, read_yaml, sealed
 from sim_core.gaits.climb_limits import load_climbs
 from sim_core.gaits.library import LIBRARIES, library_text, load_library, parse_library
 from sim_core.gaits.success_counts import load_success_counts
@@ -213,3 +213,26 @@ def test_everything_that_is_shipped_is_read():
     load_actuators()
     assert frozen_models()
     assert stored_influences(load_prototype()) is not None
+
+
+def test_a_sealed_file_that_somebody_edited_says_so_once_and_is_read(caplog):
+    text = sealed("# ours\na: 1\n")
+    for untouched in (text, text.replace("\n", "\r\n"), "\ufeff" + text, "a: 1\n", sealed(text), text + "\n"):
+        assert parse_yaml(untouched.encode(), "untouched.yaml") == {"a": 1}
+    assert not caplog.messages
+    for number, edited in enumerate((text.replace("1", "2"), "b: 1\n" + text, text + "b: 1\n", text[:-5])):
+        where = f"edited_{number}.yaml"
+        assert parse_yaml(edited, where) == parse_yaml(edited, where)
+        assert caplog.messages == [f"{where}: edited by hand since it was written, or damaged; it is used as it is"]
+        caplog.clear()
+
+
+def test_what_is_written_is_sealed(tmp_path, caplog):
+    library = load_library()
+    path = tmp_path / "own.yaml"
+    path.write_text(library_text(library), encoding="utf-8")
+    assert load_library(path).hash == library.hash
+    assert not caplog.messages
+    path.write_text(path.read_text(encoding="utf-8") + "# mine\n", encoding="utf-8")
+    assert load_library(path).hash == library.hash
+    assert len(caplog.messages) == 1

@@ -1,16 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut odds`: rehearsals in bags against what then happened."""
 
+import io
 import json
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from hardware_bridge.recording.bag_reader import BagError, read_session, seconds_of
+from sim_core.dynamics.model import build_model
+from sim_core.structure.parameters import load_prototype
 from tensegrity_lab.bags import rehearsed_rolls
 from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in
+from tensegrity_lab.bags.replay import events_of
+from tensegrity_lab.bags.trial_replay import trials_of
+from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_text
+from tensegrity_lab.studies.fit_trials import read_tries
+from tests.hardware_bridge.recording.test_bag_reader import folder
 from tests.sixstrut_cli.test_commands import sixstrut
 
 BAG = Path(__file__).parents[3] / "bags" / "example.mcap"
@@ -27,6 +37,45 @@ def test_the_example_s_rolls_were_foretold_and_came(tmp_path):
     ]
     assert told["observed"] == sum(r["won"] for r in told["rolls"]) / len(rehearsals)
     assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def recorded_by_rosbag2(path: Path, without: tuple[str, ...] = ()) -> Path:
+    """The example as rosbag2 records it beside the live stack: live names, nothing attached, in two files."""
+    rows = list(make_reader(io.BytesIO(BAG.read_bytes())).iter_messages())
+    rows = [row for row in rows if not row[1].topic.endswith(without or "\n")]
+    path.parent.mkdir(exist_ok=True)
+    folder(path, ["rec_0.mcap", "rec_1.mcap"])
+    for number, part in enumerate((rows[: len(rows) // 2], rows[len(rows) // 2 :])):
+        with (path / f"rec_{number}.mcap").open("wb") as stream:
+            writer, channels = Writer(stream), {}
+            writer.start("ros2", "rosbag2")
+            for schema, channel, message in part:
+                if channel.topic not in channels:
+                    kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                    live = channel.topic.replace("/recorded/", "/")
+                    channels[channel.topic] = writer.register_channel(live, channel.message_encoding, kind)
+                writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
+            writer.finish()
+    return path
+
+
+def test_what_rosbag2_records_of_the_live_stack_is_a_bag_as_ours(tmp_path):
+    recorded = recorded_by_rosbag2(tmp_path / "bags" / "rosbag")
+    assert bags_of([recorded.parent]) == bags_of([recorded]) == [recorded]
+    assert foretold_in(recorded) == [found._replace(bag="rosbag") for found in foretold_in(BAG)]
+    model = build_model(load_prototype())
+    assert read_tries([recorded], model).seen == read_tries([BAG], model).seen
+    ours, theirs = read_session(BAG), read_session(recorded)
+    assert events_of(theirs) == events_of(ours)
+    with pytest.raises(SessionError, match="holds no trials"):
+        trials_of(recorded)
+
+
+@pytest.mark.parametrize("topic", ["bridge/asked", "bridge/face", "rehearsal"])
+def test_a_topic_that_rosbag2_was_not_told_to_record_is_named(tmp_path, topic):
+    recorded = recorded_by_rosbag2(tmp_path / "bags" / "rosbag", without=(topic,))
+    with pytest.raises(BagError, match=f"holds no message of topic {topic}: record it too"):
+        foretold_in(recorded)
 
 
 def test_a_roll_that_ended_elsewhere_failed_and_one_without_a_rehearsal_does_not_count(monkeypatch):

@@ -58,12 +58,20 @@ KINDS = (
 SCHEMAS = """\
 *Schema* is the number that the file states as `schema:`; a file of another number is refused. Files of the robot's state are in
 `$SIXSTRUT_STATE_DIR`, or `~/.local/state/sixstrut`. Every YAML file is read by one strict reader, bounded in size, depth and
-digits; what YAML 1.1 and 1.2 read differently is refused."""
+digits; what YAML 1.1 and 1.2 read differently is refused.
+
+How damage is told: chunks, sections and attachments of a bag, every record of a journal, every line of a ledger and the compiled
+code have checksums. What is damaged is one line of error with file, cause and remedy; a journal loses the damaged place only, and
+compiled code is compiled again. A YAML file that a program wrote begins with `# sha256 of all below: …`: if it was changed since,
+whoever reads it says so once, and uses it."""
 
 BAG = """\
 MCAP with ROS 2 messages (`ros2msg`, `cdr`). Topics are under `/recorded/`, names that no live node listens to, so playing a bag
 moves nothing; which topics, is in the [interfaces](interfaces.md). Attached are the library, the prototype and the calibration of
-the session; the metadata hold their hashes and versions."""
+the session; the metadata hold their hashes and versions.
+
+A folder that rosbag2 recorded (`metadata.yaml` with .mcap files) is read as one bag, under live names too; without a prototype in
+it, it is taken for one of the shipped prototype. A bag of sqlite3 storage has to be converted first (`ros2 bag convert`)."""
 
 
 def page(_: Path) -> str:

@@ -63,6 +63,8 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
     types = _types(read)
     first_seq, start = start_of(session)
     due = _due(session, first_seq)
+    if twin:
+        session.require(STREAM[0])
     rate = min(rate, MOST_TIME_SCALE / max(1.0, _time_scale(session)))
     with ExitStack() as closing:
         folder = Path(closing.enter_context(tempfile.TemporaryDirectory(prefix="sixstrut-play-")))

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hardware_bridge.recording.bag_reader import BagError, Session, read_session, seconds_of
+from hardware_bridge.recording.bag_reader import BagError, Session, is_bag_folder, read_session, seconds_of
 from hardware_bridge.recording.bag_types import TOPICS
 from hardware_bridge.recording.session_bag import bag_folder
 from tensegrity_lab.bags.replay import model_of
@@ -43,7 +43,8 @@ def bags_of(paths: Sequence[Path]) -> list[Path]:
     """The bags among, and below, what was given. Raises BagError: there is none."""
     found: list[Path] = []
     for path in paths:
-        own = sorted(path.rglob("*.mcap")) if path.is_dir() else [path]
+        below = {file.parent if is_bag_folder(file.parent) else file for file in path.rglob("*.mcap")}
+        own = (sorted(below) or sorted(path.rglob("*.db3"))) if path.is_dir() and not is_bag_folder(path) else [path]
         if not own:
             raise BagError(f"{path} holds no bag (*.mcap): give a bag, or the folder of a session that the stack ran")
         found += own
@@ -62,6 +63,7 @@ def newest() -> Path:
 def foretold_in(path: Path) -> list[Foretold]:
     """The rehearsed rolls of a bag, in order. Trials that an operator called void, or revoked, are left out. Raises BagError."""
     session = read_session(path, topics=TOPICS)
+    session.require("bridge/asked", "bridge/face", "rehearsal")
     tries = attempts_of(session, model_of(session).prototype.strut_length_m)
     rehearsals = sorted(session.of("rehearsal"), key=lambda m: seconds_of(m.header.stamp))
     unsure = _unsure(lines_in_bag(path), tries)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hardware_bridge.recording.bag_reader import Bag, Session, seconds_of
+from hardware_bridge.recording.bag_reader import Bag, Session, is_bag_folder, seconds_of
 from sim_core.dynamics.actuators import ActuatorParameters, following
 from sim_core.dynamics.model import Model, build_model
 from sim_core.errors import SimError
@@ -74,9 +74,10 @@ def trials_of(bag: Path) -> list[Line]:
         SessionError: there are none.
     """
     found: dict[int, Line] = {}
-    for other in sorted({bag, *bag.parent.glob("*.mcap")}):
+    alone = is_bag_folder(bag)  # recorded by rosbag2, whose name no trial knows
+    for other in [bag] if alone else sorted({bag, *bag.parent.glob("*.mcap")}):
         for line in lines_in_bag(other):
-            if line.bag == bag.name and line.event is Event.TRIAL:
+            if (alone or line.bag == bag.name) and line.event is Event.TRIAL:
                 found[line.number] = line
     if not found:
         raise SessionError(f"{bag} holds no trials: it is not of a session that `sixstrut trial` ran; leave --trial out")

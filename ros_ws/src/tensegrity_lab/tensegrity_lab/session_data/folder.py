@@ -2,20 +2,19 @@
 """A session's folder: what it tries and on which robot, written once; the ledger; the bags. One process at a time."""
 
 import fcntl
+import hashlib
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TextIO, get_type_hints
-
-import yaml
 
 from hardware_bridge.recording.session_bag import bag_folder
 from sim_core.errors import FileError, brief
 from sim_core.files.bounded_reader import read_text
-from sim_core.files.yaml_reader import read_yaml
+from sim_core.files.yaml_reader import read_yaml, sealed, yaml_text
 from sim_core.gaits.library import Library, library_text, load_library
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.ledger import NEW, write_durably
@@ -40,6 +39,7 @@ class Settings:
         robot: which prototype.
         virtual_robot: it is simulated; then perturbation, seed and actuators say which.
         computed: by what, if no stack ran: such trials are virtual, and each begins as the model places the robot; empty: they ran.
+        plan_hash: of what is tried; empty: the session is older than that.
     """
 
     name: str
@@ -56,6 +56,7 @@ class Settings:
     seed: int = 0
     actuators: str = ""
     computed: str = ""
+    plan_hash: str = ""
 
 
 def virtual_robot_text(seed: int, perturbation: float, actuators: str) -> str:
@@ -101,9 +102,10 @@ def begin_session(path: Path, settings: Settings, plan: list[Slot], library: Lib
     """
     path.mkdir(parents=True, exist_ok=True)
     require_free(path)
+    settings = replace(settings, plan_hash=_hash_of(plan))
     write_durably(path / LIBRARY, library_text(library))
     write_durably(path / PLAN, plan_text(plan))
-    write_durably(path / SETTINGS, yaml.safe_dump({"schema": SCHEMA, **asdict(settings)}, sort_keys=False))
+    write_durably(path / SETTINGS, sealed(yaml_text({"schema": SCHEMA, **asdict(settings)})))
     return SessionFolder(path, settings, plan, library)
 
 
@@ -148,7 +150,14 @@ def open_session(path: Path) -> SessionFolder:
         raise SessionError(
             f"{path / LIBRARY} is not the session's library any more: hash {library.hash}, not {settings.library_hash}"
         )
-    return SessionFolder(path, settings, plan_of(plan_table, str(path / PLAN)), library)
+    plan = plan_of(plan_table, str(path / PLAN))
+    if settings.plan_hash not in ("", _hash_of(plan)):
+        raise SessionError(f"{path / PLAN} is not the session's plan any more: put it back as it was, or begin a new session")
+    return SessionFolder(path, settings, plan, library)
+
+
+def _hash_of(plan: list[Slot]) -> str:
+    return hashlib.sha256(plan_text(plan).encode()).hexdigest()[:16]
 
 
 def _require_types(file: Path, settings: Settings) -> None:

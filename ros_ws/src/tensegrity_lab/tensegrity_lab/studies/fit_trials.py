@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hardware_bridge.recording.bag_reader import read_session
+from hardware_bridge.recording.bag_reader import is_bag_folder, read_session
 from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.dynamics.model import Model, build_model
 from sim_core.gaits.library import Gait, Library, load_library
@@ -75,7 +75,10 @@ def read_tries(paths: Sequence[Path], model: Model, library: str | None = None) 
     doubles = [path for path, count in Counter(path.resolve() for path in paths).items() if count > 1]
     if doubles:
         raise SessionError(f"{doubles[0]} is given twice: its trials would count twice")
-    parts = [_bag(path, model, library) if path.suffix == ".mcap" else _session(path) for path in paths]
+    parts = [
+        _bag(path, model, library) if path.suffix == ".mcap" or path.is_file() or is_bag_folder(path) else _session(path)
+        for path in paths
+    ]
     for what, values in (
         ("robots", {part.robot for part in parts}),
         ("libraries", {part.library.hash for part in parts}),
@@ -138,6 +141,7 @@ def _of_lines(source: str, robot: str, virtual: bool, library: Library, lines: S
 def _unplanned(path: Path, model: Model, library: Library) -> Tries:
     """A bag without records of trials: rolls that somebody asked for, with the faces that were seen."""
     session = read_session(path, topics=TOPICS)
+    session.require("bridge/asked", "bridge/face")
     recorded = model_of(session).hash
     if recorded != model.hash:
         raise SessionError(f"{path.name} was recorded with model {recorded}, not {model.hash}: give its --prototype")

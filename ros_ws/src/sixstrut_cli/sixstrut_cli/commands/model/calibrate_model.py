@@ -36,6 +36,7 @@ def command(
     announce("scaling the ropes until the first frequency fits, some seconds; Ctrl-C leaves at any time")
     from sim_core.dynamics.model import build_model
     from sim_core.dynamics.vibration_modes import calibrated, first_frequency_hz, vibrated_frequency_hz
+    from sim_core.files.yaml_reader import sealed
     from sim_core.rolling.warm_up import Stage
     from sim_core.structure.parameters import FILE, load_prototype, rewritten, with_value
     from tensegrity_lab.terminal.compile_notice import compile_first
@@ -64,7 +65,7 @@ def command(
     after = build_model(robot)
     say(f"after:  {robot.tendon_stiffness_n_m:.2f} N/m per rope, first frequency {first_frequency_hz(after):.4f} Hz")
     say(f"        spectrum of a simulated free vibration: {vibrated_frequency_hz(after):.4f} Hz")
-    in_folder(output).write_text(rewritten(text, changes), encoding="utf-8")
+    in_folder(output).write_text(sealed(rewritten(text, changes)), encoding="utf-8")
     load_prototype(output)
     wrote(output)
     say(f"model {after.hash}")

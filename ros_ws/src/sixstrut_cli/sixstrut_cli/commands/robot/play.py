@@ -11,7 +11,7 @@ from sixstrut_cli.outputs import announce, console
 
 
 def command(
-    bag: Annotated[Path, typer.Argument(help="An .mcap file that the bridge recorded.")],
+    bag: Annotated[Path, typer.Argument(help="A bag: an .mcap file of the bridge, or a folder of rosbag2.")],
     rate: Annotated[float, typer.Option(min=0.01, max=100.0, help="Recorded seconds per second.")] = 1.0,
     twin: Annotated[bool, typer.Option("--twin/--no-twin", help="Start a twin that follows it.")] = True,
 ) -> None:

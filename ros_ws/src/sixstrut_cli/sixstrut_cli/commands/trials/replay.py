@@ -14,7 +14,7 @@ from sixstrut_cli.outputs import announce, in_folder, say, wrote
 
 
 def command(
-    bag: Annotated[Path, typer.Argument(help="An .mcap file that the bridge recorded.")],
+    bag: Annotated[Path, typer.Argument(help="A bag: an .mcap file of the bridge, or a folder of rosbag2.")],
     actuators: Annotated[
         str, typer.Option(help="The twin's actuators, as the twin had them: ideal, stand-in, or a YAML file.")
     ] = "ideal",
