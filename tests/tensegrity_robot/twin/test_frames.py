@@ -5,12 +5,16 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 import pytest
+from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from tf2_msgs.msg import TFMessage
 
 from sim_core.structure.rotations import matrix_of
 from tensegrity_lab.stack.processes import wait_until
 from tensegrity_lab.stack.ros_thread import Spinner
 from tensegrity_robot.ros import topics
+from tensegrity_robot.ros.conversions import cdr_string
 from tensegrity_robot.ros.node_process import own_context
 
 pytestmark = pytest.mark.ros
@@ -68,3 +72,11 @@ def test_every_link_of_the_urdf_is_where_the_twin_has_it(processes, viewer):
     for joint in robot.findall("joint"):  # at rest on a face the shape is the ideal one but for a centimetre or two
         ideal = [float(word) for word in joint.find("origin").get("xyz").split()]
         assert place(told[joint.find("child").get("link")].translation) == pytest.approx(ideal, abs=0.02)
+
+
+def test_frames_of_a_robot_whose_name_ends_like_the_own_one_are_not_the_own():
+    one = TFMessage(transforms=[TransformStamped(child_frame_id="a/base_link")])
+    other = TFMessage(transforms=[TransformStamped(child_frame_id="aa/base_link")])
+    own = cdr_string("a/base_link")
+    assert own in serialize_message(one)
+    assert own not in serialize_message(other)

@@ -54,7 +54,7 @@ class BridgeParameters:
     stall_limit_m: float = parameter(
         0.005, "a strut at rest, seen farther than this from where it was sent, has stalled [m]", low=0.001, high=0.1
     )
-    frame: str = parameter("odom", "frame of observed joints")
+    frame: str = parameter("odom", "frame of observed joints; below a namespace its name gets that prefix: robot1/odom")
     autostart: bool = parameter(True, "open the port and go active at once; nothing moves")
 
 

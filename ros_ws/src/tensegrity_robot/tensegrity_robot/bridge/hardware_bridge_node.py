@@ -87,7 +87,7 @@ class HardwareBridgeNode(LifecycleNode):
         self._rested_s = p.rested_s
         self._hint = f"unconfigured: ros2 lifecycle set {self.get_fully_qualified_name()} configure"
         self._hinted = False
-        base = f"{conversions.frame_prefix(self)}{BASE}".encode()
+        base = conversions.cdr_string(conversions.frame_prefix(self) + BASE)
         self._topics = RecordedTopics(self, {TWIN_STATE.name: self._follows_this_stream, FRAMES.name: lambda data: base in data})
         self._others = OtherBridges(self)
         self._frame = conversions.frame_prefix(self) + p.frame

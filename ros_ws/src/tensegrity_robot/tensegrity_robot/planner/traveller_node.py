@@ -57,7 +57,7 @@ class TravellerParameters:
     library: str = parameter("robust", "gait library, the planner's: a shipped name, or the path of a YAML file")
     odds_file: str = parameter("", "YAML of the gaits' odds, the planner's; empty: the library's shipped ones")
     prototype_file: str = parameter("", "YAML of the robot's numbers; empty: the nominal prototype")
-    frame: str = parameter("odom", "frame of goals and places")
+    frame: str = parameter("odom", "frame of goals and places; below a namespace its name gets that prefix: robot1/odom")
     reach_m: float = parameter(
         REACH_M, "distance from a goal that counts as there, unless the goal says otherwise [m]", low=0.02, high=1.0
     )

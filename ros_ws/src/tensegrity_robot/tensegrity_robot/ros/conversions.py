@@ -5,8 +5,9 @@ import numpy as np
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion, Transform, TransformStamped, Vector3
 from rclpy.node import Node
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_msgs.msg import Header
+from std_msgs.msg import Header, String
 from tf2_msgs.msg import TFMessage
 
 from sim_core.dynamics.robot import Robot
@@ -43,6 +44,11 @@ def frame_prefix(node: Node) -> str:
     """What begins the names of all frames of a node's robot: its namespace and a slash, or nothing."""
     namespace = str(node.get_namespace()).strip("/")
     return f"{namespace}/" if namespace else ""
+
+
+def cdr_string(text: str) -> bytes:
+    """A string with its length as it lies in an undecoded message: a longer one that ends alike is not taken for it."""
+    return bytes(serialize_message(String(data=text))[4:])  # without the header of a whole message
 
 
 def point(position_m: Array) -> Point:
