@@ -9,7 +9,7 @@ waits for another. A robot's bits do not depend on its lane, its neighbours or t
 import os
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,12 @@ from sim_core.dynamics.simd import ALIGNMENT, WIDTH
 from sim_core.errors import ModelError
 from sim_core.rolling import quasi_static as q
 from sim_core.rolling import roll_monitor as w
-from sim_core.rolling.roll import RollResult, face_number, result_of, rules_of, samples_of, tolerance_of
+from sim_core.rolling.course import Course, CourseResult, course_result_of, table_of
+from sim_core.rolling.roll import RollResult, face_number, result_of, rules_of, samples_of, stages_of, tolerance_of
 from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import PREVIOUS
-from sim_core.structure.policy import Policy, lengths_of, neutral_lengths
+from sim_core.structure.policy import Policy
 
 
 class Job(NamedTuple):
@@ -88,19 +89,18 @@ def _run(  # noqa: PLR0912 (all that happens to a lane, in one compiled loop)
     robots: Robots,
     starts: Array,
     jobs: NDArray[np.int64],
-    neutral: Array,
-    targets: Array,
+    stages: Array,
     records: Array,
     peaks: Array,
     centers: Array,
 ) -> None:
-    """Run jobs (model, start, source face, aim) one after the other through eight lanes."""
+    """Run jobs (model, start, source face, number of stages) one after the other through eight lanes."""
     job_of_lane = np.full(WIDTH, -1)
     running = jobs.shape[0] - jobs.shape[0]  # a variable zero: a literal one would have `_load` compiled twice
     following = running
     for lane in range(WIDTH):
         if following < jobs.shape[0]:
-            _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
+            _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, stages, records)
             job_of_lane[lane] = following
             following += 1
             running += 1
@@ -117,18 +117,18 @@ def _run(  # noqa: PLR0912 (all that happens to a lane, in one compiled loop)
             job = job_of_lane[lane]
             if job < 0:
                 continue
-            own = _own(rules, robots, jobs[job, 0])
+            own, course = _own(rules, robots, jobs[job, 0]), stages[job, : jobs[job, 3]]
             if shared.static:
-                q.look(state[:, lane], work[:, lane], track[:, lane], records[job], own, shared.struts, shared.tolerance)
+                q.look(state[:, lane], work[:, lane], track[:, lane], records[job], own, shared.struts, course, shared.tolerance)
             else:
-                w.look(state[:, lane], work[:, lane], records[job], own, shared.struts)
-            if records[job, w.PHASE] <= w.RETURNING:
+                w.look(state[:, lane], work[:, lane], records[job], own, shared.struts, course)
+            if records[job, w.PHASE] == w.GOING:
                 continue
             for s in range(6):
                 peaks[job, s] = state[shared.struts + s * k.STRUT_ROWS + k.PEAK, lane]
             center_of_mass(state[:, lane], own.mass, centers[job])
             if following < jobs.shape[0]:
-                _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, neutral, targets, records)
+                _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, stages, records)
                 for row in range(track.shape[0]):
                     track[row, lane] = 0.0
                 job_of_lane[lane] = following
@@ -177,8 +177,7 @@ def _load(
     robots: Robots,
     starts: Array,
     jobs: NDArray[np.int64],
-    neutral: Array,
-    targets: Array,
+    stages: Array,
     records: Array,
 ) -> None:
     """Put a job's robot, settled, into a lane."""
@@ -189,9 +188,7 @@ def _load(
     _copy(robots.par[model], par[:, lane])
     _put_body(assembly.body, lane, robots.body, model)
     own = _own(rules, robots, model)
-    w.begin(state[:, lane], work[:, lane], records[job], own, shared.struts, jobs[job, 2], jobs[job, 3], neutral[model])
-    for s in range(6):
-        state[shared.struts + s * k.STRUT_ROWS + k.TARGET, lane] = targets[job, s]
+    w.begin(state[:, lane], work[:, lane], records[job], own, shared.struts, jobs[job, 2], stages[job, : jobs[job, 3]])
     if shared.static:
         q.step_lengths(state[:, lane], shared.struts)
 
@@ -252,10 +249,9 @@ class Batch:
         self._shared = Shared(
             first.dt_s, first.elements.zeta_1_s, reach, chunk, first.layout.struts, first.kind == PREVIOUS, tolerance_of(first)
         )
-        self._neutral = np.array([model.rest_lengths(neutral_lengths(model.prototype)) for model in models])
         self._starts: dict[tuple[int, str], Array] = {}
 
-    def run(self, jobs: Sequence[Job], report: Callable[[int, int], None] = lambda done, total: None) -> list[RollResult]:
+    def run(self, jobs: Sequence[Any], report: Callable[[int, int], None] = lambda done, total: None) -> list[Any]:
         """Run every job; results in the jobs' order.
 
         Args:
@@ -287,25 +283,35 @@ class Batch:
         bodies = np.array([model.assembly.body for model in self.models])
         return bodies[:0] if (bodies == bodies[0]).all() else bodies
 
-    def _part(self, jobs: list[Job], place: dict[tuple[int, str], int], starts: Array) -> list[RollResult]:
-        count, first = len(jobs), self.models[0]
+    def _part(self, jobs: list[Any], place: dict[tuple[int, str], int], starts: Array) -> list[Any]:
+        count = len(jobs)
+        courses = [self._stages(job) for job in jobs]
+        stages = np.zeros((count, max(map(len, courses)), w.STAGE_ROWS))
+        for row, course in zip(stages, courses, strict=True):
+            row[: len(course)] = course
         table = np.array(
             [
-                (job.model, place[job.model, job.source], face_number(job.source), face_number(job.target) if job.target else -1)
-                for job in jobs
+                (job.model, place[job.model, job.source], face_number(job.source), len(course))
+                for job, course in zip(jobs, courses, strict=True)
             ]
-        ).reshape(count, 4)
-        targets = np.array([self.models[job.model].rest_lengths(lengths_of(first.prototype, job.policy)) for job in jobs])
+        )
         records, peaks, centers = np.zeros((count, w.RECORD)), np.zeros((count, 6)), np.zeros((count, 3))
         state, par, work, assembly = self._rows()
         _run(
             state, par, work, aligned_rows(q.TRACK_ROWS), assembly, self._shared, self._rules, self._robots,
-            starts, table, self._neutral, targets, records, peaks, centers,
+            starts, table, stages, records, peaks, centers,
         )  # fmt: skip
-        return [
-            result_of(self.models[job.model], job.source, job.policy, records[i], peaks[i], centers[i])
-            for i, job in enumerate(jobs)
-        ]
+        return [self._judged(job, *rows) for job, *rows in zip(jobs, records, peaks, centers, strict=True)]
+
+    def _stages(self, job: Job | Course) -> Array:
+        model = self.models[job.model]
+        return table_of(model, job.stages) if isinstance(job, Course) else stages_of(model, job.policy, job.target)
+
+    def _judged(self, job: Job | Course, record: Array, peaks: Array, center: Array) -> RollResult | CourseResult:
+        model = self.models[job.model]
+        if isinstance(job, Course):
+            return course_result_of(model, job.stages, record, peaks, center)
+        return result_of(model, job.source, job.target, job.policy, record, peaks, center)
 
     def _rows(self) -> tuple[Array, Array, Array, k.Assembly]:
         """Rows for eight lanes, and the assembly, with a body for each lane if the models' differ."""

@@ -82,8 +82,10 @@ def step_lengths(state: Array, struts: int) -> bool:
 
 
 @njit(cache=True)
-def look(state: Array, work: Array, track: Array, record: Array, rules: w.Rules, struts: int, tolerance: float) -> None:
-    """One look at a relaxation that goes on: once it is over, change the lengths further, or go on to the return or to the end.
+def look(
+    state: Array, work: Array, track: Array, record: Array, rules: w.Rules, struts: int, stages: Array, tolerance: float
+) -> None:
+    """One look at a relaxation that goes on: once it is over, change the lengths further, or go on to the next stage or the end.
 
     Args:
         state: this robot's column.
@@ -92,6 +94,7 @@ def look(state: Array, work: Array, track: Array, record: Array, rules: w.Rules,
         record: the roll's course, see `roll_monitor`.
         rules: what is judged by.
         struts: first of the struts' rows in `state`.
+        stages: of the course, each of which ends at rest.
         tolerance: of the net force, squared.
     """
     record[w.SAMPLES] += 1
@@ -109,6 +112,6 @@ def look(state: Array, work: Array, track: Array, record: Array, rules: w.Rules,
         record[w.WAITED] = 0
         track[ENERGY] = 0.0
         return
-    w.end_of_phase(state, record, struts, bits, face, margin, settled)
-    if record[w.PHASE] == w.RETURNING:
+    w.end_at_rest(state, record, rules, struts, stages, bits, face, margin, settled)
+    if record[w.PHASE] == w.GOING:
         step_lengths(state, struts)

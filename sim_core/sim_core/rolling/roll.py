@@ -111,22 +111,30 @@ def roll(
     (state, work), struts, static = robot.arrays(), model.layout.struts, model.kind == PREVIOUS
     rules, chunk, tolerance = rules_of(model), samples_of(model, SAMPLE_S), tolerance_of(model)
     record, track = np.zeros(w.RECORD), np.zeros(q.TRACK_ROWS)
-    aim = -1 if target is None else face_number(target)
-    w.begin(state, work, record, rules, struts, face_number(source), aim, model.rest_lengths(neutral_lengths(model.prototype)))
-    robot.set_targets(lengths_of(model.prototype, checked))
+    stages = stages_of(model, checked, target)
+    w.begin(state, work, record, rules, struts, face_number(source), stages)
     if static:
         q.step_lengths(state, struts)
-    while record[w.PHASE] <= w.RETURNING:
+    while record[w.PHASE] == w.GOING:
         if static:
             q.relax(state, model.par, work, track, model.assembly, model.dt_s, model.reach_m, q.LOOK_STEPS)
             robot.step += q.LOOK_STEPS
-            q.look(state, work, track, record, rules, struts, tolerance)
+            q.look(state, work, track, record, rules, struts, stages, tolerance)
         else:
             robot.advance(chunk)
-            w.look(state, work, record, rules, struts)
+            w.look(state, work, record, rules, struts, stages)
         if trace is not None:
             trace.append(sample(robot))
-    return result_of(model, source, checked, record, robot.peak_forces_n(), robot.center_of_mass_m())
+    return result_of(model, source, target, checked, record, robot.peak_forces_n(), robot.center_of_mass_m())
+
+
+def stages_of(model: Model, policy: Policy, target: str | None) -> Array:
+    """The stages (2, STAGE_ROWS) of a roll: actuate until at rest, and return to neutral until at rest."""
+    stages = np.zeros((2, w.STAGE_ROWS))
+    stages[:, w.ONTO] = -1 if target is None else face_number(target)
+    stages[0, : w.ONTO] = model.rest_lengths(lengths_of(model.prototype, policy))
+    stages[1, : w.ONTO] = model.rest_lengths(neutral_lengths(model.prototype))
+    return stages
 
 
 def rules_of(model: Model) -> w.Rules:
@@ -165,20 +173,26 @@ def face_number(face: str) -> int:
 
 
 def result_of(
-    model: Model, source: str, policy: Policy, record: Array, peak_forces_n: Array, center_of_mass_m: Array
+    model: Model,
+    source: str,
+    target: str | None,
+    policy: Policy,
+    record: Array,
+    peak_forces_n: Array,
+    center_of_mass_m: Array,
 ) -> RollResult:
     """Judge a finished record."""
-    rule, phase, aim = model.prototype, int(record[w.PHASE]), int(record[w.AIM])
+    rule, phase = model.prototype, int(record[w.PHASE])
     actuated, returned = (_footing(record, place) for place in (w.ACTUATED, w.RETURNED))
-    went_back = phase == w.TIMED_OUT_RETURNING or (phase == w.DONE and returned.joints != ())
+    went_back = record[w.RESTS] > 1
     static = model.kind == PREVIOUS
     peak = float(record[w.REST_FORCE] if static else peak_forces_n.max())
     clearance = float(record[w.CLEARANCE])
     allowed = rule.force_fraction * rule.actuator_stall_n
-    wanted = FACE_NAMES[aim] if aim >= 0 else (actuated.face or "")
+    wanted = target or actuated.face or ""
     if phase == w.DIVERGED:
         reason = "the simulation diverged"
-    elif phase in (w.TIMED_OUT_ACTUATING, w.TIMED_OUT_RETURNING):
+    elif phase == w.TIMED_OUT:
         limit = "its relaxation" if static else f"{rule.rest_timeout_s:g} s"
         reason = f"not settled within {limit} after {'the return' if went_back else 'actuation'}"
     elif actuated.face is None or actuated.face != wanted or wanted == source:

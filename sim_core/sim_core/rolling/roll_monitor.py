@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Watching a roll while it is simulated: the compiled half of `roll`, the same for one robot and for a robot in a lane.
+"""Watching a course of motions while it is simulated: the compiled half of `roll`, the same for one robot and for a robot in a lane.
 
-A roll's course is kept in a *record*, a row of numbers. `look` is called every SAMPLE_S of simulated time: it updates the record
-and, once the robot is at rest after actuation on the wanted face, sends the struts back to neutral.
+A course is a table of *stages*, a row each: lengths to drive to, and when to go on. A roll has two (actuate, return to neutral),
+both until the robot is at rest; a chain of rolls goes on while it moves. What happens is kept in a *record*, a row of numbers.
+`look` is called every SAMPLE_S of simulated time: it updates the record, and sends the struts on when it is time for the next stage.
 """
 
 from typing import NamedTuple
@@ -18,13 +19,25 @@ from sim_core.structure.arrays import Array
 SAMPLE_S = 0.01
 """Footing, clearance and rest are looked at this often. Strut forces are watched at every step."""
 
-# Places in a record. Phase: see below. Aim: number of the wanted face, −1 for whatever it lands on; source: of the first face.
-PHASE, AIM, SOURCE, QUIET, WAITED, SAMPLES, CLEARANCE = 0, 1, 2, 3, 4, 5, 6
-# Footing at rest after actuation and after the return: joints' bit mask, face number, margin.
+# Places in a stage's row: raw lengths to drive to; number of the face that it leads onto (−1: whatever it lands on); then samples.
+# A stage ends at rest (AT_REST), or else (ON_TIME) LEAST after its beginning, and if SEEN is not negative no sooner than so long
+# after the robot first stood on the face; a chain whose robot does not within LIMIT of the beginning has missed.
+GOALS, ONTO, ENDS, LEAST, SEEN, LIMIT, STAGE_ROWS = 0, 6, 7, 8, 9, 10, 11
+AT_REST, ON_TIME = 0, 1
+
+# Places in a record. Phase: see below. Stage: which one goes on. Source: number of the first face.
+PHASE, STAGE, SOURCE, QUIET, WAITED, SAMPLES, CLEARANCE = 0, 1, 2, 3, 4, 5, 6
+# Footing at the first and at the last rest: joints' bit mask, face number, margin.
 ACTUATED, RETURNED = 7, 10
-# Raw neutral lengths of the struts. Starting centre of mass. Faces stood on: how many, then their numbers.
-NEUTRAL, START, FACES_SEEN, FACE_LIST = 13, 19, 22, 23
-MOST_FACES = 24
+# Samples since the stage began, and since the robot stood on the stage's face. Rests so far. Faces reached in the course's order.
+ELAPSED, LANDED, RESTS, REACHED = 13, 14, 15, 16
+# When the first and the last face were reached, and where the centre of mass was then: sample, x, y.
+FIRST_LANDING, LAST_LANDING = 17, 20
+# Samples in which each strut was driven.
+DRIVEN = 23
+# Starting centre of mass. Faces stood on: how many, then their numbers.
+START, FACES_SEEN, FACE_LIST = 29, 32, 33
+MOST_FACES = 48
 # Largest strut force at the rests of a quasi-static roll.
 REST_FORCE = FACE_LIST + MOST_FACES
 # How far the centre of mass got past each edge of the first face, before it stood on another.
@@ -32,7 +45,7 @@ PAST_EDGES = REST_FORCE + 1
 RECORD = PAST_EDGES + 3
 
 # Phases.
-ACTUATING, RETURNING, DONE, TIMED_OUT_ACTUATING, TIMED_OUT_RETURNING, DIVERGED = 0, 1, 2, 3, 4, 5
+GOING, DONE, TIMED_OUT, MISSED, DIVERGED = 0, 1, 2, 3, 4
 
 
 class Rules(NamedTuple):
@@ -54,23 +67,22 @@ class Rules(NamedTuple):
 
 
 @njit(cache=True)
-def begin(state: Array, work: Array, record: Array, rules: Rules, struts: int, source: int, aim: int, neutral: Array) -> None:
-    """Start a record for the robot in `state`; `neutral` (6,) are the struts' own neutral lengths."""
+def begin(state: Array, work: Array, record: Array, rules: Rules, struts: int, source: int, stages: Array) -> None:
+    """Start a record for the robot in `state`, and the first of its `stages` (n, STAGE_ROWS)."""
     record[:] = 0.0
-    record[PHASE] = ACTUATING
-    record[AIM] = aim
     record[SOURCE] = source
     record[CLEARANCE] = np.inf
     record[PAST_EDGES : PAST_EDGES + 3] = -np.inf
     record[ACTUATED + 1] = record[RETURNED + 1] = -1
     record[ACTUATED + 2] = record[RETURNED + 2] = np.nan
-    for s in range(6):
-        record[NEUTRAL + s] = neutral[s]
-        state[struts + s * k.STRUT_ROWS + k.PEAK] = 0.0
     center = np.empty(3)
     center_of_mass(state, rules.mass, center)
     for axis in range(3):  # not a slice: its check of shapes takes seconds to compile
         record[START + axis] = center[axis]
+    for s in range(6):
+        row = struts + s * k.STRUT_ROWS
+        state[row + k.PEAK] = 0.0
+        state[row + k.TARGET] = stages[0, GOALS + s]
     see(state, work, record, rules)
 
 
@@ -99,9 +111,10 @@ def see(state: Array, work: Array, record: Array, rules: Rules) -> tuple[int, in
 
 
 @njit(cache=True)
-def look(state: Array, work: Array, record: Array, rules: Rules, struts: int) -> None:
-    """One sample of a roll that is not over: update the record, and go on to the return or to the end when it is time."""
+def look(state: Array, work: Array, record: Array, rules: Rules, struts: int, stages: Array) -> None:
+    """One sample of a course that is not over: update the record, and go on to the next stage or to the end when it is time."""
     record[SAMPLES] += 1
+    record[ELAPSED] += 1
     finite = True
     fastest = 0.0
     for joint in range(12):
@@ -116,7 +129,13 @@ def look(state: Array, work: Array, record: Array, rules: Rules, struts: int) ->
     driving = False
     for s in range(6):
         row = struts + s * k.STRUT_ROWS
-        driving = driving or state[row + k.REST] != state[row + k.TARGET]
+        if state[row + k.REST] != state[row + k.TARGET]:
+            driving = True
+            record[DRIVEN + s] += 1
+    stage = int(record[STAGE])
+    if stages[stage, ENDS] == ON_TIME:
+        _look_in_motion(state, record, rules, struts, stages, face)
+        return
     if driving:
         record[QUIET] = record[WAITED] = 0
         return
@@ -125,24 +144,87 @@ def look(state: Array, work: Array, record: Array, rules: Rules, struts: int) ->
     at_rest = record[QUIET] >= rules.hold_samples
     if not at_rest and record[WAITED] < rules.timeout_samples:
         return
-    end_of_phase(state, record, struts, bits, face, margin, at_rest)
+    end_at_rest(state, record, rules, struts, stages, bits, face, margin, at_rest)
 
 
 @njit(cache=True)
-def end_of_phase(state: Array, record: Array, struts: int, bits: int, face: int, margin: float, at_rest: bool) -> None:
-    """The robot has come to rest, or has not in time: keep its footing; go on to the return, or end."""
-    returning = record[PHASE] == RETURNING
-    place = RETURNED if returning else ACTUATED
+def _look_in_motion(state: Array, record: Array, rules: Rules, struts: int, stages: Array, face: int) -> None:
+    """A sample of a stage that ends on time."""
+    stage = int(record[STAGE])
+    onto = stages[stage, ONTO]
+    if face >= 0 and face != onto and record[LANDED] == 0 and face != _before(record, stages, stage):
+        record[PHASE] = MISSED
+        return
+    if face >= 0 and face == onto and record[LANDED] == 0:
+        _reached(state, record, rules)
+    if record[LANDED] > 0:
+        record[LANDED] += 1
+    waits = stages[stage, SEEN] >= 0
+    if waits and record[LANDED] == 0 and record[ELAPSED] >= stages[stage, LIMIT]:
+        record[PHASE] = MISSED
+    elif record[ELAPSED] >= stages[stage, LEAST] and (not waits or record[LANDED] > stages[stage, SEEN]):
+        if record[LANDED] == 0 and stage + 1 < stages.shape[0] and stages[stage + 1, ONTO] != onto:
+            record[PHASE] = MISSED  # the next face cannot be reached over one that was not
+            return
+        _next(state, record, struts, stages)
+
+
+@njit(cache=True)
+def _before(record: Array, stages: Array, stage: int) -> float:
+    """Number of the face that the stage begins on."""
+    onto = stages[stage, ONTO]
+    while stage > 0:
+        stage -= 1
+        if stages[stage, ONTO] != onto:
+            return stages[stage, ONTO]
+    return record[SOURCE]
+
+
+@njit(cache=True)
+def _reached(state: Array, record: Array, rules: Rules) -> None:
+    """The robot stands on the stage's face for the first time."""
+    center = np.empty(3)
+    center_of_mass(state, rules.mass, center)
+    record[LANDED] = 1
+    record[REACHED] += 1
+    place = FIRST_LANDING if record[REACHED] == 1 else LAST_LANDING
+    record[place], record[place + 1], record[place + 2] = record[SAMPLES], center[0], center[1]
+
+
+@njit(cache=True)
+def end_at_rest(
+    state: Array, record: Array, rules: Rules, struts: int, stages: Array, bits: int, face: int, margin: float, at_rest: bool
+) -> None:
+    """The robot has come to rest, or has not in time: keep its footing; go on to the next stage, or end."""
+    stage = int(record[STAGE])
+    place = ACTUATED if record[RESTS] == 0 else RETURNED
+    record[RESTS] += 1
     record[place], record[place + 1], record[place + 2] = bits, face, margin
     record[QUIET] = record[WAITED] = 0
     if not at_rest:
-        record[PHASE] = TIMED_OUT_RETURNING if returning else TIMED_OUT_ACTUATING
+        record[PHASE] = TIMED_OUT
         return
-    if not returning and record[AIM] < 0:
-        record[AIM] = face
-    if returning or face < 0 or face != record[AIM] or face == record[SOURCE]:
+    if stages[stage, ONTO] < 0:
+        for later in range(stage, stages.shape[0]):
+            stages[later, ONTO] = face
+    if face < 0 or face != stages[stage, ONTO] or (record[REACHED] == 0 and face == record[SOURCE]) or stage + 1 == stages.shape[0]:
         record[PHASE] = DONE
         return
-    record[PHASE] = RETURNING
+    if record[LANDED] == 0:
+        _reached(state, record, rules)
+    _next(state, record, struts, stages)
+
+
+@njit(cache=True)
+def _next(state: Array, record: Array, struts: int, stages: Array) -> None:
+    """The next stage begins; a landing counts for later stages that lead onto the same face."""
+    stage = int(record[STAGE]) + 1
+    if stage >= stages.shape[0]:
+        record[PHASE] = DONE
+        return
+    if stages[stage, ONTO] != stages[stage - 1, ONTO]:
+        record[LANDED] = 0
+    record[STAGE] = stage
+    record[ELAPSED] = record[QUIET] = record[WAITED] = 0
     for s in range(6):
-        state[struts + s * k.STRUT_ROWS + k.TARGET] = record[NEUTRAL + s]
+        state[struts + s * k.STRUT_ROWS + k.TARGET] = stages[stage, GOALS + s]

@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Courses: several rolls in a row without a stop, as stages, and their judgement."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_core.dynamics.footing import FACE_NAMES
+from sim_core.dynamics.model import Model
+from sim_core.rolling import roll_monitor as w
+from sim_core.rolling.roll_monitor import SAMPLE_S
+from sim_core.structure.arrays import Array
+from sim_core.structure.policy import Policy, lengths_of
+
+
+class Stage(NamedTuple):
+    """Lengths to drive to, and when to go on.
+
+    Attributes:
+        policy: six strokes, whole mm.
+        onto: the face that it leads onto.
+        least_s: it lasts so long at least, from its beginning; None: until the robot is at rest.
+        seen_s: and so long after the robot first stood on the face; None: whether it stands there or not.
+        limit_s: a robot that does not stand there so long after the beginning has missed.
+    """
+
+    policy: Policy
+    onto: str
+    least_s: float | None = None
+    seen_s: float | None = None
+    limit_s: float = 0.0
+
+
+class Course(NamedTuple):
+    """Stages for one robot: which model (index), from which face at rest."""
+
+    model: int
+    source: str
+    stages: tuple[Stage, ...]
+
+
+@dataclass(frozen=True)
+class CourseResult:
+    """What a course did.
+
+    Attributes:
+        reached: how many faces of the course, in its order.
+        wanted: how many it has.
+        feasible: all of them, at rest at the end, with clearance and strut force as a roll needs them.
+        reason: why not, in one line; empty if feasible.
+        faces: every face stood on, in order, from the first.
+        peak_force_n, clearance_m, travel_m: as of a roll.
+        duration_s: simulated time.
+        driven_s: how long each strut was driven, (6,).
+        pace_m_s: straight way of the centre of mass between the first and the last landing / time between; 0 with less than two.
+    """
+
+    reached: int
+    wanted: int
+    feasible: bool
+    reason: str
+    faces: tuple[str, ...]
+    peak_force_n: float
+    clearance_m: float
+    duration_s: float
+    driven_s: tuple[float, ...]
+    travel_m: tuple[float, float]
+    pace_m_s: float
+
+
+def table_of(model: Model, stages: Sequence[Stage]) -> Array:
+    """The monitor's rows, (n, STAGE_ROWS)."""
+    rows = np.zeros((len(stages), w.STAGE_ROWS))
+    for row, stage in zip(rows, stages, strict=True):
+        row[: w.ONTO] = model.rest_lengths(lengths_of(model.prototype, stage.policy))
+        row[w.ONTO] = FACE_NAMES.index(stage.onto)
+        row[w.SEEN] = -1
+        if stage.least_s is not None:
+            row[w.ENDS], row[w.LEAST] = w.ON_TIME, _samples(stage.least_s)
+            if stage.seen_s is not None:
+                row[w.SEEN], row[w.LIMIT] = _samples(stage.seen_s), _samples(stage.limit_s)
+    return rows
+
+
+def _samples(seconds: float) -> int:
+    return math.ceil(seconds / SAMPLE_S - 1e-9)
+
+
+def wanted_of(stages: Sequence[Stage]) -> int:
+    """How many faces a course leads over."""
+    return sum(1 for before, stage in zip((None, *stages), stages, strict=False) if before is None or before.onto != stage.onto)
+
+
+def course_result_of(
+    model: Model, stages: Sequence[Stage], record: Array, peak_forces_n: Array, center_of_mass_m: Array
+) -> CourseResult:
+    """Judge a finished record."""
+    rule, phase = model.prototype, int(record[w.PHASE])
+    peak, clearance = float(peak_forces_n.max()), float(record[w.CLEARANCE])
+    allowed = rule.force_fraction * rule.actuator_stall_n
+    faces = tuple(FACE_NAMES[int(n)] for n in record[w.FACE_LIST : w.FACE_LIST + int(record[w.FACES_SEEN])])
+    stage = stages[int(record[w.STAGE])]
+    stood = int(record[w.ACTUATED + 1])
+    if phase == w.DIVERGED:
+        reason = "the simulation diverged"
+    elif phase == w.MISSED:
+        reason = f"on the way to {stage.onto} it came to {faces[-1]}"
+    elif phase == w.TIMED_OUT:
+        reason = f"not settled within {rule.rest_timeout_s:g} s at the end"
+    elif stages[-1].least_s is None and (stood < 0 or FACE_NAMES[stood] != stages[-1].onto):
+        reason = f"at the end it stood on {FACE_NAMES[stood] if stood >= 0 else 'no face'}"
+    elif peak > allowed:
+        reason = f"strut force reached {peak:.1f} N; allowed are {allowed:.1f} N"
+    elif clearance < rule.clearance_margin_m:
+        reason = f"clearance fell to {1e3 * clearance:.1f} mm; required are {1e3 * rule.clearance_margin_m:.1f} mm"
+    else:
+        reason = ""
+    travel = center_of_mass_m - record[w.START : w.START + 3]
+    first, last = (record[place : place + 3] for place in (w.FIRST_LANDING, w.LAST_LANDING))
+    between_s = float(last[0] - first[0]) * SAMPLE_S
+    return CourseResult(
+        int(record[w.REACHED]),
+        wanted_of(stages),
+        not reason,
+        reason,
+        faces,
+        peak,
+        clearance,
+        float(record[w.SAMPLES]) * SAMPLE_S,
+        tuple(float(samples) * SAMPLE_S for samples in record[w.DRIVEN : w.DRIVEN + 6]),
+        (float(travel[0]), float(travel[1])),
+        float(np.hypot(*(last[1:] - first[1:]))) / between_s if between_s > 0.0 else 0.0,
+    )
