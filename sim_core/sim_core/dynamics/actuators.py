@@ -66,6 +66,10 @@ SPECS = specs_of(ActuatorParameters)
 FILE = ParameterFile("actuators", SPECS, f"; give {IDEAL}, {STAND_IN} or a YAML file")
 
 
+Numbers = NamedTuple("Numbers", [(name, float) for name in SPECS])  # type: ignore[misc]
+"""The parameters as compiled code takes them."""
+
+
 class Actuators(NamedTuple):
     """State of six actuators.
 
@@ -119,7 +123,7 @@ def step(
     load_n = forces_n + (before.load_n - forces_n) * keep
     ratio = before.supply_v / parameters.supply_nominal_v
     columns = before.screw_m.tolist(), np.asarray(commanded_m).tolist(), load_n.tolist(), _six(mid_m), _six(strength)
-    ones = [_one(parameters, ratio, dt_s, *row) for row in zip(*columns, strict=True)]
+    ones = [one_after(parameters, ratio, dt_s, *row) for row in zip(*columns, strict=True)]
     screw_m, current_a, stalled, sliding = map(np.array, zip(*ones, strict=True))
     supply_v = max(0.0, parameters.supply_open_v - parameters.supply_resistance_ohm * float(current_a.sum()))
     return Actuators(screw_m, load_n, supply_v, current_a, stalled, sliding)
@@ -129,7 +133,7 @@ def _six(value: float | Array) -> list[float]:
     return value.tolist() if isinstance(value, np.ndarray) else [float(value)] * 6
 
 
-def _one(
+def one_after(
     p: ActuatorParameters,
     ratio: float,
     dt_s: float,
@@ -141,7 +145,7 @@ def _one(
 ) -> tuple[float, float, bool, bool]:
     """One actuator after `dt_s`: length of its screw, current, whether it is stalled, whether it slides.
 
-    Plain numbers are faster here than arrays of six.
+    On plain numbers: so it is fast here, and compiled it is the lanes' (`p` is then a `Numbers`).
     """
     powered = not math.isnan(commanded_m)
     fastest, stall, back_drive = p.no_load_speed_m_s * ratio * strength, p.stall_n * ratio * strength, p.back_drive_n * strength

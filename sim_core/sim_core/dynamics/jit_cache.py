@@ -51,6 +51,7 @@ else:
 
 PACKAGE = Path(__file__).parent.parent
 KERNEL_SOURCES = (
+    "dynamics/actuators.py",
     "dynamics/jit_cache.py",
     "dynamics/simd.py",
     "dynamics/footing.py",

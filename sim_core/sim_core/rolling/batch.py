@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_core.dynamics import vfife as k
+from sim_core.dynamics.actuators import SPEED_OF_FOLLOWING, ActuatorParameters
 from sim_core.dynamics.footing import center_of_mass
 from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.model import Model
@@ -24,7 +25,7 @@ from sim_core.errors import ModelError
 from sim_core.rolling import quasi_static as q
 from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.course import Course, CourseResult, course_result_of, table_of
-from sim_core.rolling.roll import RollResult, face_number, result_of, rules_of, samples_of, stages_of, tolerance_of
+from sim_core.rolling.roll import RollResult, drive_of, face_number, result_of, rules_of, samples_of, stages_of, tolerance_of
 from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import PREVIOUS
@@ -61,6 +62,7 @@ class Robots(NamedTuple):
         mass: masses of the particles, (m, P).
         carry: force above which a joint carries, (m,).
         down: direction of gravity, (m, 3).
+        reach, mid, strength: see `roll_monitor.Drive`, (m, 6).
     """
 
     par: Array
@@ -68,6 +70,9 @@ class Robots(NamedTuple):
     mass: Array
     carry: Array
     down: Array
+    reach: Array
+    mid: Array
+    strength: Array
 
 
 def aligned_rows(rows: int) -> Array:
@@ -86,6 +91,7 @@ def _run(  # noqa: PLR0912 (all that happens to a lane, in one compiled loop)
     assembly: k.Assembly,
     shared: Shared,
     rules: w.Rules,
+    drive: w.Drive,
     robots: Robots,
     starts: Array,
     jobs: NDArray[np.int64],
@@ -100,7 +106,7 @@ def _run(  # noqa: PLR0912 (all that happens to a lane, in one compiled loop)
     following = running
     for lane in range(WIDTH):
         if following < jobs.shape[0]:
-            _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, stages, records)
+            _load(state, par, work, assembly, lane, following, shared, rules, drive, robots, starts, jobs, stages, records)
             job_of_lane[lane] = following
             following += 1
             running += 1
@@ -117,18 +123,19 @@ def _run(  # noqa: PLR0912 (all that happens to a lane, in one compiled loop)
             job = job_of_lane[lane]
             if job < 0:
                 continue
-            own, course = _own(rules, robots, jobs[job, 0]), stages[job, : jobs[job, 3]]
+            model = jobs[job, 0]
+            own, driven, course = _own(rules, robots, model), _driven(drive, robots, model), stages[job, : jobs[job, 3]]
             if shared.static:
                 q.look(state[:, lane], work[:, lane], track[:, lane], records[job], own, shared.struts, course, shared.tolerance)
             else:
-                w.look(state[:, lane], work[:, lane], records[job], own, shared.struts, course)
+                w.look(state[:, lane], work[:, lane], records[job], own, driven, shared.struts, course)
             if records[job, w.PHASE] == w.GOING:
                 continue
             for s in range(6):
                 peaks[job, s] = state[shared.struts + s * k.STRUT_ROWS + k.PEAK, lane]
             center_of_mass(state[:, lane], own.mass, centers[job])
             if following < jobs.shape[0]:
-                _load(state, par, work, assembly, lane, following, shared, rules, robots, starts, jobs, stages, records)
+                _load(state, par, work, assembly, lane, following, shared, rules, drive, robots, starts, jobs, stages, records)
                 for row in range(track.shape[0]):
                     track[row, lane] = 0.0
                 job_of_lane[lane] = following
@@ -165,6 +172,12 @@ def _own(rules: w.Rules, robots: Robots, model: int) -> w.Rules:
 
 
 @njit(cache=True)
+def _driven(drive: w.Drive, robots: Robots, model: int) -> w.Drive:
+    """The drive with one robot's own numbers."""
+    return w.Drive(drive.feels, drive.p, drive.keep, robots.reach[model], robots.mid[model], robots.strength[model])
+
+
+@njit(cache=True)
 def _load(
     state: Array,
     par: Array,
@@ -174,6 +187,7 @@ def _load(
     job: int,
     shared: Shared,
     rules: w.Rules,
+    drive: w.Drive,
     robots: Robots,
     starts: Array,
     jobs: NDArray[np.int64],
@@ -188,7 +202,8 @@ def _load(
     _copy(robots.par[model], par[:, lane])
     _put_body(assembly.body, lane, robots.body, model)
     own = _own(rules, robots, model)
-    w.begin(state[:, lane], work[:, lane], records[job], own, shared.struts, jobs[job, 2], stages[job, : jobs[job, 3]])
+    driven, course = _driven(drive, robots, model), stages[job, : jobs[job, 3]]
+    w.begin(state[:, lane], work[:, lane], records[job], own, driven, shared.struts, jobs[job, 2], course)
     if shared.static:
         q.step_lengths(state[:, lane], shared.struts)
 
@@ -212,6 +227,15 @@ def _settle(state: Array, par: Array, work: Array, assembly: k.Assembly, dt: flo
     k.advance(state, par, work, assembly, dt, zeta, reach, steps)
 
 
+def _par_of(model: Model, actuators: ActuatorParameters | None) -> Array:
+    """The kernel's numbers of a robot, whose struts are quick enough to follow these actuators."""
+    par, lay, e = model.par.copy(), model.layout, model.elements
+    if actuators is not None:
+        speed = np.full(6, SPEED_OF_FOLLOWING * actuators.no_load_speed_m_s)
+        par[lay.par_struts : lay.par_struts + 6 * k.STRUT_PAR] = e.strut_gain * speed / e.steps_per_second
+    return par
+
+
 def _family(model: Model) -> tuple[object, ...]:
     """What the models of a batch must have in common."""
     e, assembly = model.elements, model.assembly
@@ -225,8 +249,20 @@ class Batch:
         models: what `Job.model` counts.
     """
 
-    def __init__(self, models: Sequence[Model], threads: int | None = None):
-        """Args: threads: default all cores. Raises ModelError if the models do not fit together."""
+    def __init__(
+        self, models: Sequence[Model], threads: int | None = None, actuators: ActuatorParameters | None = None, strength: Array | None = None
+    ):
+        """A batch of robots.
+
+        Args:
+            models: what `Job.model` counts.
+            threads: default all cores.
+            actuators: that feel their load; None: the solver's own.
+            strength: each actuator's own factor on speed, stall and back-drive force, (m, 6); None: 1.
+
+        Raises:
+            ModelError: the models do not fit together.
+        """
         if not models:
             raise ModelError("a batch needs at least one model")
         first = models[0]
@@ -237,13 +273,20 @@ class Batch:
         self._threads = threads or os.cpu_count() or 1
         self._rules = rules_of(first)
         each = [rules_of(model) for model in models]
+        drives = [
+            drive_of(model, actuators, None if strength is None else strength[number]) for number, model in enumerate(models)
+        ]
         self._robots = Robots(
-            np.array([model.par for model in models]),
+            np.array([_par_of(model, actuators) for model in models]),
             self._bodies(),
             np.array([rules.mass for rules in each]),
             np.array([rules.carry_n for rules in each]),
             np.array([rules.down for rules in each]),
+            np.array([drive.reach for drive in drives]),
+            np.array([drive.mid for drive in drives]),
+            np.array([drive.strength for drive in drives]),
         )
+        self._drive = drives[0]
         reach = max(model.reach_m for model in models)
         chunk = samples_of(first, SAMPLE_S)
         self._shared = Shared(
@@ -298,7 +341,7 @@ class Batch:
         records, peaks, centers = np.zeros((count, w.RECORD)), np.zeros((count, 6)), np.zeros((count, 3))
         state, par, work, assembly = self._rows()
         _run(
-            state, par, work, aligned_rows(q.TRACK_ROWS), assembly, self._shared, self._rules, self._robots,
+            state, par, work, aligned_rows(q.TRACK_ROWS), assembly, self._shared, self._rules, self._drive, self._robots,
             starts, table, stages, records, peaks, centers,
         )  # fmt: skip
         return [self._judged(job, *rows) for job, *rows in zip(jobs, records, peaks, centers, strict=True)]

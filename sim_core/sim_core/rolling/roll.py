@@ -3,10 +3,11 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 
 import numpy as np
 
+from sim_core.dynamics.actuators import ActuatorParameters, load_actuators
 from sim_core.dynamics.footing import FACE_NAMES, Footing, footing_of
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import Robot
@@ -112,7 +113,8 @@ def roll(
     rules, chunk, tolerance = rules_of(model), samples_of(model, SAMPLE_S), tolerance_of(model)
     record, track = np.zeros(w.RECORD), np.zeros(q.TRACK_ROWS)
     stages = stages_of(model, checked, target)
-    w.begin(state, work, record, rules, struts, face_number(source), stages)
+    drive = drive_of(model)
+    w.begin(state, work, record, rules, drive, struts, face_number(source), stages)
     if static:
         q.step_lengths(state, struts)
     while record[w.PHASE] == w.GOING:
@@ -122,7 +124,7 @@ def roll(
             q.look(state, work, track, record, rules, struts, stages, tolerance)
         else:
             robot.advance(chunk)
-            w.look(state, work, record, rules, struts, stages)
+            w.look(state, work, record, rules, drive, struts, stages)
         if trace is not None:
             trace.append(sample(robot))
     return result_of(model, source, target, checked, record, robot.peak_forces_n(), robot.center_of_mass_m())
@@ -135,6 +137,14 @@ def stages_of(model: Model, policy: Policy, target: str | None) -> Array:
     stages[0, : w.ONTO] = model.rest_lengths(lengths_of(model.prototype, policy))
     stages[1, : w.ONTO] = model.rest_lengths(neutral_lengths(model.prototype))
     return stages
+
+
+def drive_of(model: Model, actuators: ActuatorParameters | None = None, strength: Array | None = None) -> w.Drive:
+    """How this robot's struts are driven; `strength` (6,): each actuator's own factor on speed, stall and back-drive force."""
+    parameters, e = actuators or load_actuators(), model.elements  # where nothing feels its load, stand-ins that nobody reads
+    numbers = w.Numbers(**asdict(parameters))
+    keep, reach_m = math.exp(-SAMPLE_S / parameters.load_time_s), e.strut_gain * e.strut_speed_m_s * SAMPLE_S
+    return w.Drive(actuators is not None, numbers, keep, reach_m, e.strut_mid_m, np.ones(6) if strength is None else strength)
 
 
 def rules_of(model: Model) -> w.Rules:

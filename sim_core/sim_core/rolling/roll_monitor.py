@@ -4,6 +4,9 @@
 A course is a table of *stages*, a row each: lengths to drive to, and when to go on. A roll has two (actuate, return to neutral),
 both until the robot is at rest; a chain of rolls goes on while it moves. What happens is kept in a *record*, a row of numbers.
 `look` is called every SAMPLE_S of simulated time: it updates the record, and sends the struts on when it is time for the next stage.
+
+Struts are the solver's own, which go to where they are sent whatever the load; or they follow actuators that feel it
+(`dynamics.actuators`), to which the lengths are told at constant speed, as the bridge tells them.
 """
 
 from typing import NamedTuple
@@ -12,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_core.dynamics import vfife as k
+from sim_core.dynamics.actuators import Numbers, one_after
 from sim_core.dynamics.footing import FACE_JOINTS, FACE_OF_JOINTS, STRUT_ENDS, base, center_of_mass, clearance, past_edges
 from sim_core.dynamics.jit_cache import njit
 from sim_core.structure.arrays import Array
@@ -42,10 +46,32 @@ MOST_FACES = 48
 REST_FORCE = FACE_LIST + MOST_FACES
 # How far the centre of mass got past each edge of the first face, before it stood on another.
 PAST_EDGES = REST_FORCE + 1
-RECORD = PAST_EDGES + 3
+# Actuators that feel their load: what each is told now, the length of its screw, its averaged load; the supply's voltage.
+TOLD, SCREW, LOAD, SUPPLY = PAST_EDGES + 3, PAST_EDGES + 9, PAST_EDGES + 15, PAST_EDGES + 21
+RECORD = SUPPLY + 1
 
 # Phases.
 GOING, DONE, TIMED_OUT, MISSED, DIVERGED = 0, 1, 2, 3, 4
+
+
+class Drive(NamedTuple):
+    """What becomes of the lengths that a stage goes for.
+
+    Attributes:
+        feels: actuators feel their load; else nothing below matters.
+        p: their numbers.
+        keep: how much of the averaged load is left after SAMPLE_S.
+        reach: how far each strut's told length goes in SAMPLE_S, (6,) of this robot.
+        mid: its struts' lengths at mid stroke, (6,).
+        strength: its actuators' own factors, (6,).
+    """
+
+    feels: bool
+    p: Numbers
+    keep: float
+    reach: Array
+    mid: Array
+    strength: Array
 
 
 class Rules(NamedTuple):
@@ -66,8 +92,33 @@ class Rules(NamedTuple):
     strut_ends: NDArray[np.int32] = STRUT_ENDS
 
 
+one_actuator = njit(cache=True, error_model="numpy")(one_after)
+
+
 @njit(cache=True)
-def begin(state: Array, work: Array, record: Array, rules: Rules, struts: int, source: int, stages: Array) -> None:
+def _drive(state: Array, record: Array, drive: Drive, struts: int, stages: Array) -> None:
+    """Six actuators for the SAMPLE_S that begins: as `actuators.step`, towards lengths that are told at constant speed."""
+    ratio, stage, current = record[SUPPLY] / drive.p.supply_nominal_v, int(record[STAGE]), 0.0
+    for s in range(6):
+        row = struts + s * k.STRUT_ROWS
+        goal, told = stages[stage, GOALS + s], record[TOLD + s]
+        told = goal if abs(goal - told) <= drive.reach[s] else told + (drive.reach[s] if goal > told else -drive.reach[s])
+        force = state[row + k.AXIAL]
+        load = force + (record[LOAD + s] - force) * drive.keep
+        screw, drawn, _, _ = one_actuator(
+            drive.p, ratio, SAMPLE_S, record[SCREW + s], told, load, drive.mid[s], drive.strength[s]
+        )
+        record[TOLD + s], record[LOAD + s], record[SCREW + s] = told, load, screw
+        side = min(max(load / drive.p.play_load_n, -1.0), 1.0)
+        state[row + k.TARGET] = screw + 0.5 * drive.p.play_m * side
+        current += drawn
+        if drawn > 0.0:
+            record[DRIVEN + s] += 1
+    record[SUPPLY] = max(0.0, drive.p.supply_open_v - drive.p.supply_resistance_ohm * current)
+
+
+@njit(cache=True)
+def begin(state: Array, work: Array, record: Array, rules: Rules, drive: Drive, struts: int, source: int, stages: Array) -> None:
     """Start a record for the robot in `state`, and the first of its `stages` (n, STAGE_ROWS)."""
     record[:] = 0.0
     record[SOURCE] = source
@@ -83,7 +134,12 @@ def begin(state: Array, work: Array, record: Array, rules: Rules, struts: int, s
         row = struts + s * k.STRUT_ROWS
         state[row + k.PEAK] = 0.0
         state[row + k.TARGET] = stages[0, GOALS + s]
+        record[TOLD + s] = record[SCREW + s] = state[row + k.REST]
+        record[LOAD + s] = state[row + k.AXIAL]
+    record[SUPPLY] = drive.p.supply_open_v
     see(state, work, record, rules)
+    if drive.feels:
+        _drive(state, record, drive, struts, stages)
 
 
 @njit(cache=True)
@@ -111,8 +167,15 @@ def see(state: Array, work: Array, record: Array, rules: Rules) -> tuple[int, in
 
 
 @njit(cache=True)
-def look(state: Array, work: Array, record: Array, rules: Rules, struts: int, stages: Array) -> None:
+def look(state: Array, work: Array, record: Array, rules: Rules, drive: Drive, struts: int, stages: Array) -> None:
     """One sample of a course that is not over: update the record, and go on to the next stage or to the end when it is time."""
+    _judge(state, work, record, rules, drive.feels, struts, stages)
+    if drive.feels and record[PHASE] == GOING:
+        _drive(state, record, drive, struts, stages)
+
+
+@njit(cache=True)
+def _judge(state: Array, work: Array, record: Array, rules: Rules, feels: bool, struts: int, stages: Array) -> None:
     record[SAMPLES] += 1
     record[ELAPSED] += 1
     finite = True
@@ -126,13 +189,14 @@ def look(state: Array, work: Array, record: Array, rules: Rules, struts: int, st
         record[PHASE] = DIVERGED
         return
     bits, face, margin = see(state, work, record, rules)
-    driving = False
+    driving, stage = False, int(record[STAGE])
     for s in range(6):
         row = struts + s * k.STRUT_ROWS
-        if state[row + k.REST] != state[row + k.TARGET]:
+        if feels:
+            driving = driving or record[TOLD + s] != stages[stage, GOALS + s]
+        elif state[row + k.REST] != state[row + k.TARGET]:
             driving = True
             record[DRIVEN + s] += 1
-    stage = int(record[STAGE])
     if stages[stage, ENDS] == ON_TIME:
         _look_in_motion(state, record, rules, struts, stages, face)
         return
