@@ -19,7 +19,7 @@ from hardware_bridge.driver.engine import Engine
 from hardware_bridge.driver.events import FACES, SOURCES, Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.driver.frame_timer import Streamer
 from hardware_bridge.driver.motion_handle import MotionHandle
-from hardware_bridge.errors import ParameterError, Refused, StateError, WrongPrototype
+from hardware_bridge.errors import ParameterError, Refused, StateError, TrajectoryError, WrongPrototype
 from hardware_bridge.link.board_link import Link
 from hardware_bridge.link.transport import SerialTransport
 from hardware_bridge.prototype_client.handshake import Handshake, agree_on_board, agree_on_time_scale, examine, require_same_pty
@@ -28,8 +28,9 @@ from hardware_bridge.safety.compatibility import require_fit
 from hardware_bridge.safety.duty_cycle import returns
 from hardware_bridge.safety.homing import homing_path, known_pulses
 from hardware_bridge.safety.limit_checks import SHAPE_STEP_M, Rules, check_homing, check_trajectory
+from hardware_bridge.safety.overtaking import joined
 from hardware_bridge.safety.shape_cache import ShapeMemory
-from hardware_bridge.safety.supervisor_messages import NONE_KNOWN, Arm, Disarm, Execute, Hold, Mode, Prove, Reset, Stop
+from hardware_bridge.safety.supervisor_messages import NONE_KNOWN, Arm, Disarm, Execute, Hold, Mode, Overtake, Prove, Reset, Stop
 from hardware_bridge.safety.trajectory import Trajectory
 from hardware_bridge.saved_state.robot_identity import identity_of
 from hardware_bridge.saved_state.robot_records import Records
@@ -37,6 +38,11 @@ from hardware_bridge.saved_state.state_file import state_directory
 from sim_core.printable import NAME_MOST, printable
 
 _log = logging.getLogger(__name__)
+
+LEAD_S = 0.2
+"""Wall time from the asking for a motion that overtakes another to its beginning: meanwhile its shapes are judged."""
+MOST_LEAD = 8
+"""A computer that needs so many times longer is too slow for it."""
 
 
 class Bridge:
@@ -186,7 +192,7 @@ class Bridge:
             check_homing(self._judging_rules, pulses_us, homing_path(self.rules, pulses_us))
 
     def judge_motion(self, trajectory: Trajectory, lease: str) -> None:
-        """As `judge_homing`, for `execute`. Only the holder's commands are worth the work."""
+        """As `judge_homing`, for `execute` of a robot whose struts rest. Only the holder's commands are worth the work."""
         with self._engine.lock:
             state, present_m = self._engine.state, self._engine.lengths_m()
         if state.homed and state.motion is None and state.lease is not None and state.lease.token == lease:
@@ -257,25 +263,51 @@ class Bridge:
             self._require_open("prove")
             self._engine.apply(Prove(lease))
 
-    def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0) -> MotionHandle:
+    def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0, overtake: bool = False) -> MotionHandle:
         """Starts a motion; knots are times in robot time from now and absolute rest lengths.
 
         Args:
             trajectory: see `Trajectory`; `Trajectory.from_names` makes one from a message's fields.
             lease: from `arm`.
             stamp_age_s: wall time since the command was made, in [s]. What judging takes here is added.
+            overtake: replace the motion that is running, without a stop between: it ends as `overtaken`. The new one begins some
+                `LEAD_S` of wall time from now, from where the old one has come to then; its times are the least ones (see
+                `safety.overtaking`). With no motion running this changes nothing.
 
         Raises:
             Refused: nothing moves. `LimitError`, `ShapeError`, `LeaseError`, `StaleError`, `StateError`, `FaultLatched`.
         """
         age = Age(stamp_age_s)
+        lead_s = LEAD_S * self._engine.clock.time_scale
+        while overtake:
+            with self._engine.lock:
+                state, present_m = self._engine.state, self._engine.lengths_m()
+            motion = state.motion
+            if motion is None or state.lease is None or state.lease.token != lease:
+                break
+            from_s = min(motion.progress_s + lead_s, motion.path.duration_s)
+            with suppress(Refused, TrajectoryError):
+                path = joined(motion, from_s, trajectory, self.rules.limits.speed_m_s)
+                check_trajectory(self._judging_rules, present_m, path)
+            with self._engine.lock:
+                now = self._engine.state.motion
+                if now is not None and now.number == motion.number and (now.progress_s <= from_s or lead_s > MOST_LEAD * LEAD_S):
+                    return self._accept(lambda asked: Overtake(asked, motion.number, from_s), trajectory, lease, age)
+            lead_s *= 2.0  # judging took longer than that
         self.judge_motion(trajectory, lease)
+        return self._accept(lambda asked: asked, trajectory, lease, age)
+
+    def _accept(
+        self, event_of: Callable[[Execute], Execute | Overtake], trajectory: Trajectory, lease: str, age: Age
+    ) -> MotionHandle:
         with self._engine.lock:
             self._require_open("execute")
             number = self._motion_count + 1
-            self._engine.apply(Execute(trajectory, lease, age.now_s(), number))
+            self._engine.apply(event_of(Execute(trajectory, lease, age.now_s(), number)))
             self._motion_count = number
-            return self._engine.add_motion(number, trajectory.duration_s)
+            motion = self._engine.state.motion
+            duration_s = trajectory.duration_s if motion is None else motion.path.duration_s
+            return self._engine.add_motion(number, duration_s)
 
     def hold(self, reason: str) -> None:
         """Ends any motion with the struts held where they are; ARMED becomes HOLD, from which `execute` goes on.

@@ -192,9 +192,11 @@ class BridgeHost:
         finally:
             self._tell(Refreshed(self._present.snapshot(), {}))
 
-    def _execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float, asked_s: float) -> tuple[int, float]:
+    def _execute(
+        self, trajectory: Trajectory, lease: str, stamp_age_s: float, asked_s: float, overtake: bool
+    ) -> tuple[int, float]:
         age = Age(stamp_age_s, received_s=asked_s)  # on its way here it grows older, too
-        handle = self._present.execute(trajectory, lease, age.now_s())
+        handle = self._present.execute(trajectory, lease, age.now_s(), overtake)
         with self._lock:
             self._motions[handle.number] = handle
         self._tell_ends()  # it may have ended already

@@ -32,7 +32,8 @@ class MotionResult:
     """How a motion ended.
 
     Attributes:
-        outcome: `done`: every knot was sent and the board has had the time for it; `held`; `fault`.
+        outcome: `done`: every knot was sent and the board has had the time for it; `held`; `fault`; `overtaken`: another motion
+            took its place.
         reason: for people; empty if done.
         lengths_m: rest lengths last sent, in [m].
     """

@@ -224,9 +224,9 @@ class RemoteBridge:
         """As `Bridge.prove`, but waits for no answer: a proof that is refused is as good as none."""
         self.host.tell(Call(0, "prove", (lease,)))
 
-    def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0) -> MotionHandle:
+    def execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float = 0.0, overtake: bool = False) -> MotionHandle:
         """As `Bridge.execute`."""
-        number, duration_s = self.host.call("execute", trajectory, lease, stamp_age_s, time.monotonic())
+        number, duration_s = self.host.call("execute", trajectory, lease, stamp_age_s, time.monotonic(), overtake)
         handle = MotionHandle(number, duration_s, self._progress, lambda number, reason: self.host.call("cancel", number, reason))
         with self._lock:
             if number in self._ends:

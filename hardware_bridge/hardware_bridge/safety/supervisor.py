@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from hardware_bridge.calibration.whole_pulses import exact_pulses_us, whole
 from hardware_bridge.errors import (
+    SEND_AGAIN,
     FaultLatched,
     LeaseError,
     NotClear,
@@ -32,6 +33,7 @@ from hardware_bridge.safety.board_position import MoveTime
 from hardware_bridge.safety.duty_cycle import check_duty, returns
 from hardware_bridge.safety.homing import homing_path, known_pulses
 from hardware_bridge.safety.limit_checks import Rules, check_homing, check_trajectory
+from hardware_bridge.safety.overtaking import joined
 from hardware_bridge.safety.supervisor_messages import (
     HOMING_NUMBER,
     NONE_ENERGISED,
@@ -50,6 +52,7 @@ from hardware_bridge.safety.supervisor_messages import (
     Motion,
     MotionOutcome,
     Now,
+    Overtake,
     Prove,
     Reset,
     Send,
@@ -100,6 +103,8 @@ class Supervisor:
                 return self._arm(state, event, now), ()
             case Execute():
                 return self._execute(state, event, now), ()
+            case Overtake():
+                return self._overtake(state, event, now)
             case Disarm():
                 return self._disarm(state, event, now)
             case Hold():
@@ -138,14 +143,35 @@ class Supervisor:
         )
 
     def _execute(self, state: State, event: Execute, now: Now) -> State:
+        self._require_command(state, event, now)
+        if state.motion is not None:
+            raise StateError("execute", state.mode, "a motion is running; wait for its end, cancel it, or overtake it")
+        return self._begin(state, event, event.trajectory, now)
+
+    def _overtake(self, state: State, event: Overtake, now: Now) -> Result:
+        """The rest of the old path and the new one are judged as one motion, that begins where the board is."""
+        self._require_command(state, event.asked, now)
+        motion = state.motion
+        if motion is None or motion.number != event.running:
+            raise StateError("overtake", state.mode, f"motion {event.running} is not running any more; {SEND_AGAIN}")
+        if event.from_s < motion.progress_s:
+            raise StateError("overtake", state.mode, f"motion {event.running} is beyond {event.from_s:.3f} s; {SEND_AGAIN}")
+        path = joined(motion, event.from_s, event.asked.trajectory, self.rules.limits.speed_m_s)
+        after = self._begin(state, event.asked, path, now)
+        assert after.motion is not None
+        after = replace(after, motion=replace(after.motion, ticked_s=motion.ticked_s))
+        why = f"overtaken by motion {event.asked.number}"
+        return after, (Finished(motion.number, MotionOutcome.OVERTAKEN, why),)
+
+    def _require_command(self, state: State, event: Execute, now: Now) -> None:
         if state.mode is Mode.FAULT:
             raise FaultLatched("execute", state.reason)
         self._require_lease(state, event.lease, now)
         if not state.homed or state.mode not in (Mode.ARMED, Mode.HOLD):
             raise StateError("execute", state.mode, "wait for ARMED in the bridge's state")
-        if state.motion is not None:
-            raise StateError("execute", state.mode, "a motion is running; wait for its end or cancel it")
-        path = check_trajectory(self.rules, self._lengths_m(state), event.trajectory)
+
+    def _begin(self, state: State, event: Execute, trajectory: Trajectory, now: Now) -> State:
+        path = check_trajectory(self.rules, self._lengths_m(state), trajectory)
         self._require_strength(state, path, now)
         limit_s = self.rules.limits.goal_age_s  # last: what is too old is worth sending again only if nothing else is wrong
         if not abs(event.stamp_age_s) <= limit_s:  # also not-a-number

@@ -41,6 +41,7 @@ class MotionOutcome(StrEnum):
     DONE = "done"
     HELD = "held"
     FAULT = "fault"
+    OVERTAKEN = "overtaken"
 
 
 @dataclass(frozen=True)
@@ -168,6 +169,21 @@ class Execute:
 
 
 @dataclass(frozen=True)
+class Overtake:
+    """Asks for a motion that replaces the one that is running, without a stop between.
+
+    Attributes:
+        asked: the new motion, as `Execute` has it.
+        running: number of the motion to be replaced.
+        from_s: path time of that one at which the new one begins; until then the old path is kept.
+    """
+
+    asked: Execute
+    running: int
+    from_s: float
+
+
+@dataclass(frozen=True)
 class Hold:
     """Ends the motion where it is. `number`: only if this motion is the current one; None: any."""
 
@@ -208,7 +224,7 @@ class Tick:
     congested: bool = False
 
 
-Event = Arm | Disarm | Prove | Execute | Hold | Stop | LinkDown | Supply | Reset | Tick
+Event = Arm | Disarm | Prove | Execute | Overtake | Hold | Stop | LinkDown | Supply | Reset | Tick
 
 
 # ---- effects --------------------------------------------------------------------------------------------------------

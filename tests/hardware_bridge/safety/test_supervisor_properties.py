@@ -20,11 +20,14 @@ from hardware_bridge.safety.supervisor_messages import (
     Disarm,
     Event,
     Execute,
+    Finished,
     Hold,
     Kind,
     LinkDown,
     Mode,
+    MotionOutcome,
     Now,
+    Overtake,
     Prove,
     Reset,
     Send,
@@ -137,6 +140,44 @@ class AnySequence(RuleBasedStateMachine):
         ends[index] += stroke_m
         ends[index - 1] -= stroke_m * opposite
         self.execute(self.current, age_s, [time_s], [tuple(ends)])
+
+    @precondition(lambda self: self.state.motion is not None)
+    @rule(
+        token=tokens | st.none(),
+        number=st.sampled_from([2, 2, 2, 1, 0]),
+        ahead_s=st.sampled_from([0.2, 0.2, 0.0, 1.0, 30.0, -0.1]),
+        ends=st.lists(st.tuples(*[calm] * 6) | st.tuples(*[lengths] * 6), min_size=1, max_size=3),
+        gap_s=st.floats(0.01, 6.0),
+        age_s=st.sampled_from([0.0, 0.0, 0.51]),
+        count=st.integers(0, 30),
+    )
+    def overtake(
+        self, token: str | None, number: int, ahead_s: float, ends: list[tuple[float, ...]], gap_s: float, age_s: float, count: int
+    ) -> None:
+        self.live(count)
+        before, motion = self.state, self.state.motion
+        if motion is None:
+            return
+        running = motion.number if number == 2 else number
+        token = self.current or "" if token is None else token
+        asked = Execute(Trajectory([gap_s * (knot + 1) for knot in range(len(ends))], ends), token, age_s, motion.number + 1)
+        effects = self.feed(Overtake(asked, running, motion.progress_s + ahead_s))
+        if not isinstance(effects[0], Finished):
+            return
+        assert effects == (Finished(motion.number, MotionOutcome.OVERTAKEN, effects[0].reason),), "no frame between the two"
+        assert (token, running) == (self.current, motion.number)
+        assert before.homed and before.mode is Mode.ARMED
+        assert age_s <= 0.5 and ahead_s >= 0.0
+        after = self.state.motion
+        assert after is not None and after.number == motion.number + 1
+        self.judge_strength(after.path)
+        kept_s = min(ahead_s, motion.path.duration_s - motion.progress_s)
+        for time_s in np.linspace(0.0, kept_s, 7):
+            assert np.abs(after.path.at(time_s) - motion.path.at(motion.progress_s + time_s)).max() <= 1.5e-4, "the old path first"
+        assert np.array_equal(after.path.lengths_m[-1], ends[-1])
+        speeds = np.abs(np.diff(after.path.lengths_m, axis=0)) / np.diff(after.path.times_s)[:, None]
+        assert speeds[1:].max(initial=0.0) <= 0.02 * (1 + 1e-6)
+        assert all(abs(length - MID_M) <= 0.045 + 1e-9 for end in ends for length in end)
 
     @precondition(lambda self: self.state.motion is not None)
     @rule(count=st.integers(0, 20), stall_s=st.floats(0.06, 0.95))
