@@ -291,19 +291,20 @@ class Bridge:
                 check_trajectory(self._judging_rules, present_m, path)
             with self._engine.lock:
                 now = self._engine.state.motion
-                if now is not None and now.number == motion.number and (now.progress_s <= from_s or lead_s > MOST_LEAD * LEAD_S):
-                    return self._accept(lambda asked: Overtake(asked, motion.number, from_s), trajectory, lease, age)
+                runs = now is not None and now.number == motion.number
+                if now is not None and runs and (now.progress_s <= from_s or lead_s > MOST_LEAD * LEAD_S):
+                    return self._accept(trajectory, lease, age, (motion.number, from_s))
             lead_s *= 2.0  # judging took longer than that
         self.judge_motion(trajectory, lease)
-        return self._accept(lambda asked: asked, trajectory, lease, age)
+        return self._accept(trajectory, lease, age)
 
-    def _accept(
-        self, event_of: Callable[[Execute], Execute | Overtake], trajectory: Trajectory, lease: str, age: Age
-    ) -> MotionHandle:
+    def _accept(self, trajectory: Trajectory, lease: str, age: Age, overtaken: tuple[int, float] | None = None) -> MotionHandle:
+        """Has the supervisor take a motion, or a motion in the place of another (its number, and where)."""
         with self._engine.lock:
             self._require_open("execute")
             number = self._motion_count + 1
-            self._engine.apply(event_of(Execute(trajectory, lease, age.now_s(), number)))
+            asked = Execute(trajectory, lease, age.now_s(), number)
+            self._engine.apply(asked if overtaken is None else Overtake(asked, *overtaken))
             self._motion_count = number
             motion = self._engine.state.motion
             duration_s = trajectory.duration_s if motion is None else motion.path.duration_s

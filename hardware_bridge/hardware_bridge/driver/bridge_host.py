@@ -192,9 +192,7 @@ class BridgeHost:
         finally:
             self._tell(Refreshed(self._present.snapshot(), {}))
 
-    def _execute(
-        self, trajectory: Trajectory, lease: str, stamp_age_s: float, asked_s: float, overtake: bool
-    ) -> tuple[int, float]:
+    def _execute(self, trajectory: Trajectory, lease: str, stamp_age_s: float, asked_s: float, overtake: bool) -> tuple[int, float]:
         age = Age(stamp_age_s, received_s=asked_s)  # on its way here it grows older, too
         handle = self._present.execute(trajectory, lease, age.now_s(), overtake)
         with self._lock:

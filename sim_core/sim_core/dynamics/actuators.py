@@ -23,7 +23,7 @@ import hashlib
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -66,8 +66,11 @@ SPECS = specs_of(ActuatorParameters)
 FILE = ParameterFile("actuators", SPECS, f"; give {IDEAL}, {STAND_IN} or a YAML file")
 
 
-Numbers = NamedTuple("Numbers", [(name, float) for name in SPECS])  # type: ignore[misc]
-"""The parameters as compiled code takes them."""
+if TYPE_CHECKING:
+    Numbers = ActuatorParameters
+else:
+    Numbers = NamedTuple("Numbers", [(name, float) for name in SPECS])
+    """The parameters as compiled code takes them."""
 
 
 class Actuators(NamedTuple):

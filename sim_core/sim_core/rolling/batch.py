@@ -250,7 +250,11 @@ class Batch:
     """
 
     def __init__(
-        self, models: Sequence[Model], threads: int | None = None, actuators: ActuatorParameters | None = None, strength: Array | None = None
+        self,
+        models: Sequence[Model],
+        threads: int | None = None,
+        actuators: ActuatorParameters | None = None,
+        strength: Array | None = None,
     ):
         """A batch of robots.
 
@@ -273,9 +277,7 @@ class Batch:
         self._threads = threads or os.cpu_count() or 1
         self._rules = rules_of(first)
         each = [rules_of(model) for model in models]
-        drives = [
-            drive_of(model, actuators, None if strength is None else strength[number]) for number, model in enumerate(models)
-        ]
+        drives = [drive_of(model, actuators, None if strength is None else strength[number]) for number, model in enumerate(models)]
         self._robots = Robots(
             np.array([_par_of(model, actuators) for model in models]),
             self._bodies(),

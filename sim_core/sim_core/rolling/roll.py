@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from sim_core.dynamics.actuators import ActuatorParameters, load_actuators
+from sim_core.dynamics.actuators import ActuatorParameters, Numbers, load_actuators
 from sim_core.dynamics.footing import FACE_NAMES, Footing, footing_of
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import Robot
@@ -142,7 +142,7 @@ def stages_of(model: Model, policy: Policy, target: str | None) -> Array:
 def drive_of(model: Model, actuators: ActuatorParameters | None = None, strength: Array | None = None) -> w.Drive:
     """How this robot's struts are driven; `strength` (6,): each actuator's own factor on speed, stall and back-drive force."""
     parameters, e = actuators or load_actuators(), model.elements  # where nothing feels its load, stand-ins that nobody reads
-    numbers = w.Numbers(**asdict(parameters))
+    numbers = Numbers(**asdict(parameters))
     keep, reach_m = math.exp(-SAMPLE_S / parameters.load_time_s), e.strut_gain * e.strut_speed_m_s * SAMPLE_S
     return w.Drive(actuators is not None, numbers, keep, reach_m, e.strut_mid_m, np.ones(6) if strength is None else strength)
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Watching a course of motions while it is simulated: the compiled half of `roll`, the same for one robot and for a robot in a lane.
+"""Watching a course of motions while it is simulated: compiled, the same for one robot and for a robot in a lane.
 
 A course is a table of *stages*, a row each: lengths to drive to, and when to go on. A roll has two (actuate, return to neutral),
 both until the robot is at rest; a chain of rolls goes on while it moves. What happens is kept in a *record*, a row of numbers.
-`look` is called every SAMPLE_S of simulated time: it updates the record, and sends the struts on when it is time for the next stage.
+`look` is called every SAMPLE_S of simulated time: it updates the record, and sends the struts on when the next stage is due.
 
 Struts are the solver's own, which go to where they are sent whatever the load; or they follow actuators that feel it
 (`dynamics.actuators`), to which the lengths are told at constant speed, as the bridge tells them.
@@ -105,9 +105,7 @@ def _drive(state: Array, record: Array, drive: Drive, struts: int, stages: Array
         told = goal if abs(goal - told) <= drive.reach[s] else told + (drive.reach[s] if goal > told else -drive.reach[s])
         force = state[row + k.AXIAL]
         load = force + (record[LOAD + s] - force) * drive.keep
-        screw, drawn, _, _ = one_actuator(
-            drive.p, ratio, SAMPLE_S, record[SCREW + s], told, load, drive.mid[s], drive.strength[s]
-        )
+        screw, drawn, _, _ = one_actuator(drive.p, ratio, SAMPLE_S, record[SCREW + s], told, load, drive.mid[s], drive.strength[s])
         record[TOLD + s], record[LOAD + s], record[SCREW + s] = told, load, screw
         side = min(max(load / drive.p.play_load_n, -1.0), 1.0)
         state[row + k.TARGET] = screw + 0.5 * drive.p.play_m * side
@@ -234,14 +232,14 @@ def _look_in_motion(state: Array, record: Array, rules: Rules, struts: int, stag
 
 
 @njit(cache=True)
-def _before(record: Array, stages: Array, stage: int) -> float:
+def _before(record: Array, stages: Array, stage: int) -> int:
     """Number of the face that the stage begins on."""
     onto = stages[stage, ONTO]
     while stage > 0:
         stage -= 1
         if stages[stage, ONTO] != onto:
-            return stages[stage, ONTO]
-    return record[SOURCE]
+            return int(stages[stage, ONTO])
+    return int(record[SOURCE])
 
 
 @njit(cache=True)

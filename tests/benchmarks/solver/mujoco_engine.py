@@ -12,7 +12,7 @@ from sim_core.dynamics.footing import center_of_mass
 from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
 from sim_core.rolling import roll_monitor as w
-from sim_core.rolling.roll import RollResult, face_number, result_of, rules_of
+from sim_core.rolling.roll import RollResult, drive_of, face_number, result_of, rules_of, stages_of
 from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure import mujoco_model
 from sim_core.structure.arrays import Array
@@ -175,20 +175,19 @@ class _JudgedRolls:
 
     def run(self) -> list[RollResult]:
         ours, struts = self._engine.ours, self._struts
-        neutral = ours.rest_lengths(neutral_lengths(ours.prototype))
-        struts[:, :, k.REST] = struts[:, :, k.TARGET] = neutral
+        struts[:, :, k.REST] = struts[:, :, k.TARGET] = ours.rest_lengths(neutral_lengths(ours.prototype))
+        courses, drive = [stages_of(ours, task.policy, None) for task in self._tasks], drive_of(ours)
         everyone = np.arange(len(self._tasks))
         self._step(everyone)  # sensors show what was before a step: this one shows the start
         for i, task in enumerate(self._tasks):
-            source = face_number(task.source)
-            w.begin(self._rows[i], self._work[i], self._records[i], self._rules, self._lay.struts, source, -1, neutral)
-            struts[i, :, k.TARGET] = ours.rest_lengths(lengths_of(ours.prototype, task.policy))
+            rows = self._rows[i], self._work[i], self._records[i], self._rules, drive, self._lay.struts
+            w.begin(*rows, face_number(task.source), courses[i])
         rolling = everyone
         while len(rolling):
             self._step(rolling)
             for i in rolling.tolist():
-                w.look(self._rows[i], self._work[i], self._records[i], self._rules, self._lay.struts)
-            rolling = rolling[self._records[rolling, w.PHASE] <= w.RETURNING]
+                w.look(self._rows[i], self._work[i], self._records[i], self._rules, drive, self._lay.struts, courses[i])
+            rolling = rolling[self._records[rolling, w.PHASE] == w.GOING]
         return [self._result(i) for i in range(len(everyone))]
 
     def _step(self, who: Any) -> None:
@@ -212,4 +211,4 @@ class _JudgedRolls:
         ours, task = self._engine.ours, self._tasks[i]
         center = np.empty(3)
         center_of_mass(self._rows[i], ours.elements.mass_kg, center)
-        return result_of(ours, task.source, task.policy, self._records[i], np.zeros(6), center)
+        return result_of(ours, task.source, None, task.policy, self._records[i], np.zeros(6), center)

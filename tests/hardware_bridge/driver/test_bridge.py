@@ -280,6 +280,66 @@ def test_cancel_holds_and_the_next_command_goes_on(make_bridge: Make, wire: Wire
         assert bridge.snapshot().mode is Mode.ARMED
 
 
+def test_a_motion_overtakes_another_without_a_frame_that_holds(make_bridge: Make, wire: Wire) -> None:
+    sent: list[SentEvent] = []
+    bridge = make_bridge(wire.port, on_sent=sent.append)
+    bridge.open()
+    with armed(bridge) as lease:
+        one = bridge.execute(Trajectory([2.0], [[MID_M + 0.03, *MID[1:]]]), lease)
+        wait_for(lambda: bridge.snapshot().lengths_m[0] > MID_M + 0.005, "a third of a centimetre")
+        since = len(sent)
+        other = bridge.execute(Trajectory([0.5], [[MID_M, MID_M - 0.01, *MID[2:]]]), lease, overtake=True)
+        assert one.wait(5.0)
+        with pytest.raises(LimitError, match="stroke"):
+            bridge.execute(Trajectory([9.0], [[MID_M + 0.06, *MID[1:]]]), lease, overtake=True)
+        assert other.result() is None, "the one that is refused ends nothing"
+        assert other.wait(10.0)
+    ended, outcome = one.result(), other.result()
+    assert ended is not None
+    assert outcome is not None
+    assert (ended.outcome, ended.reason) == (MotionOutcome.OVERTAKEN, f"overtaken by motion {other.number}")
+    assert outcome.outcome is MotionOutcome.DONE
+    frames = [event for event in sent[since:] if not event.heartbeat]
+    assert {event.kind for event in frames} == {"move"}
+    lengths = np.array([event.lengths_m for event in frames])
+    assert lengths[-1] == pytest.approx([MID_M, MID_M - 0.01, *MID[2:]], abs=1e-4)
+    assert lengths[:, 0].argmax() > 0, "the old path is kept until the new one begins"
+    assert np.abs(np.diff(lengths, axis=0)).max() <= 0.02 * 0.055 + 2e-4
+
+
+def test_with_nothing_to_overtake_a_motion_begins_as_any(make_bridge: Make, wire: Wire) -> None:
+    bridge = make_bridge(wire.port)
+    bridge.open()
+    with armed(bridge) as lease:
+        motion = bridge.execute(one_step(), lease, overtake=True)
+        assert motion.wait(5.0)
+        assert motion.result().success  # type: ignore[union-attr]
+
+
+def test_a_judge_that_is_slower_than_the_lead_is_given_more(make_bridge: Make, wire: Wire, rules: Rules) -> None:
+    slow: list[tuple[float, ...]] = []
+    slowness = threading.Event()
+
+    def judge(lengths_m: tuple[float, ...]) -> str | None:
+        if slowness.is_set():
+            slow.append(lengths_m)
+        if len(slow) == 1:
+            began = bridge.snapshot().last_seq
+            wait_for(lambda: bridge.snapshot().last_seq > began + 5, "more frames than fit into the lead")
+        return None
+
+    bridge = make_bridge(wire.port, rules=replace(rules, shape_check=judge))
+    bridge.open()
+    with armed(bridge) as lease:
+        one = bridge.execute(Trajectory([2.5], [[MID_M + 0.03, *MID[1:]]]), lease)
+        wait_for(lambda: bridge.snapshot().lengths_m[0] > MID_M + 0.003, "motion")
+        slowness.set()
+        other = bridge.execute(Trajectory([1.0], [[MID_M, MID_M - 0.01, *MID[2:]]]), lease, overtake=True)
+        assert one.wait(5.0)
+        assert one.result().outcome is MotionOutcome.OVERTAKEN  # type: ignore[union-attr]
+        assert other.wait(10.0)
+
+
 def test_a_silent_commander_is_held_within_the_limit(make_bridge: Make, wire: Wire) -> None:
     sent: list[SentEvent] = []
     bridge = make_bridge(wire.port, on_sent=sent.append)

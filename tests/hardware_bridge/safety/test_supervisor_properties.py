@@ -166,10 +166,13 @@ class AnySequence(RuleBasedStateMachine):
             return
         assert effects == (Finished(motion.number, MotionOutcome.OVERTAKEN, effects[0].reason),), "no frame between the two"
         assert (token, running) == (self.current, motion.number)
-        assert before.homed and before.mode is Mode.ARMED
-        assert age_s <= 0.5 and ahead_s >= 0.0
+        assert before.homed
+        assert before.mode is Mode.ARMED
+        assert age_s <= 0.5
+        assert ahead_s >= 0.0
         after = self.state.motion
-        assert after is not None and after.number == motion.number + 1
+        assert after is not None
+        assert after.number == motion.number + 1
         self.judge_strength(after.path)
         kept_s = min(ahead_s, motion.path.duration_s - motion.progress_s)
         for time_s in np.linspace(0.0, kept_s, 7):

@@ -71,11 +71,16 @@ class MotionServer:
             age = Age((now_ns - conversions.nanoseconds(request.trajectory.header.stamp)) * 1e-9)
             trajectory = bridge_messages.trajectory_of(request.trajectory)
             self._node.permit(trajectory, request.library_hash)
-            await elsewhere(self._node, lambda: bridge.judge_motion(trajectory, request.lease), "judge a motion")
-            if self._node.ready() is not bridge:
-                raise Refused("the bridge was opened anew while the motion was judged; arm again")
-            self._node.permit(trajectory, request.library_hash)  # judging may have taken seconds
-            motion = bridge.execute(trajectory, request.lease, age.now_s())
+            if request.overtake:
+                motion = await elsewhere(
+                    self._node, lambda: bridge.execute(trajectory, request.lease, age.now_s(), True), "judge a motion"
+                )
+            else:
+                await elsewhere(self._node, lambda: bridge.judge_motion(trajectory, request.lease), "judge a motion")
+                if self._node.ready() is not bridge:
+                    raise Refused("the bridge was opened anew while the motion was judged; arm again")
+                self._node.permit(trajectory, request.library_hash)  # judging may have taken seconds
+                motion = bridge.execute(trajectory, request.lease, age.now_s())
         except BridgeError as error:
             self._node.get_logger().warning(f"motion refused: {error}")
             goal.abort()
