@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim_core.dynamics import vfife as k
-from sim_core.dynamics.actuators import SPEED_OF_FOLLOWING, ActuatorParameters
+from sim_core.dynamics.actuators import ActuatorParameters
 from sim_core.dynamics.footing import center_of_mass
 from sim_core.dynamics.jit_cache import njit
 from sim_core.dynamics.model import Model
@@ -30,6 +30,11 @@ from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import PREVIOUS
 from sim_core.structure.policy import Policy
+
+
+FOLLOWING = 1.0
+"""Speed of the struts over that of the actuators that they follow. A twin's are twice as fast: each of its steps of 10 ms is then a jerk,
+which adds up to 30 N to the peaks of strut forces (and moves no face); its recorded bits are to stay."""
 
 
 class Job(NamedTuple):
@@ -231,7 +236,7 @@ def _par_of(model: Model, actuators: ActuatorParameters | None) -> Array:
     """The kernel's numbers of a robot, whose struts are quick enough to follow these actuators."""
     par, lay, e = model.par.copy(), model.layout, model.elements
     if actuators is not None:
-        speed = np.full(6, SPEED_OF_FOLLOWING * actuators.no_load_speed_m_s)
+        speed = np.full(6, FOLLOWING * actuators.no_load_speed_m_s)
         par[lay.par_struts : lay.par_struts + 6 * k.STRUT_PAR] = e.strut_gain * speed / e.steps_per_second
     return par
 

@@ -10,10 +10,16 @@ import numpy as np
 
 from sim_core.dynamics.footing import FACE_NAMES
 from sim_core.dynamics.model import Model
+from sim_core.gaits.cycle import ChainRoll
 from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure.arrays import Array
 from sim_core.structure.policy import Policy, lengths_of
+
+LATENCY_S = 0.4
+"""From a landing to the first frame of the next motion: an observer's word, its way, the judging of shapes, the bridge's lead."""
+LIMIT_S = 12.0
+"""A robot that has not landed so long after a stage's beginning has missed: twice the longest stroke at the actuators' speed."""
 
 
 class Stage(NamedTuple):
@@ -47,6 +53,7 @@ class CourseResult:
     """What a course did.
 
     Attributes:
+        target: the last face of the course.
         reached: how many faces of the course, in its order.
         wanted: how many it has.
         feasible: all of them, at rest at the end, with clearance and strut force as a roll needs them.
@@ -58,6 +65,7 @@ class CourseResult:
         pace_m_s: straight way of the centre of mass between the first and the last landing / time between; 0 with less than two.
     """
 
+    target: str
     reached: int
     wanted: int
     feasible: bool
@@ -103,7 +111,7 @@ def course_result_of(
     allowed = rule.force_fraction * rule.actuator_stall_n
     faces = tuple(FACE_NAMES[int(n)] for n in record[w.FACE_LIST : w.FACE_LIST + int(record[w.FACES_SEEN])])
     stage = stages[int(record[w.STAGE])]
-    stood = int(record[w.ACTUATED + 1])
+    stood = int(record[(w.ACTUATED if record[w.RESTS] < 2 else w.RETURNED) + 1])
     if phase == w.DIVERGED:
         reason = "the simulation diverged"
     elif phase == w.MISSED:
@@ -122,6 +130,7 @@ def course_result_of(
     first, last = (record[place : place + 3] for place in (w.FIRST_LANDING, w.LAST_LANDING))
     between_s = float(last[0] - first[0]) * SAMPLE_S
     return CourseResult(
+        stages[-1].onto,
         int(record[w.REACHED]),
         wanted_of(stages),
         not reason,
@@ -134,3 +143,21 @@ def course_result_of(
         (float(travel[0]), float(travel[1])),
         float(np.hypot(*(last[1:] - first[1:]))) / between_s if between_s > 0.0 else 0.0,
     )
+
+
+def stages_of_chain(
+    rolls: Sequence[ChainRoll], neutral: Policy, latency_s: float = LATENCY_S, observed: bool = True
+) -> tuple[Stage, ...]:
+    """A chain's stages, and then neutral until at rest.
+
+    Args:
+        rolls: of the chain.
+        neutral: policy at the end.
+        latency_s: from the landing to the next frame, beside a stage's own dwelling.
+        observed: each roll waits for the face; else for its own time.
+    """
+    stages = [
+        Stage(roll.policy, roll.onto, 0.0, latency_s + roll.dwell_s, LIMIT_S) if observed else Stage(roll.policy, roll.onto, roll.time_s)
+        for roll in rolls
+    ]
+    return (*stages, Stage(neutral, rolls[-1].onto))

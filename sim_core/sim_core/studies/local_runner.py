@@ -15,11 +15,14 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from sim_core.dynamics.actuators import ActuatorParameters
 from sim_core.dynamics.model import Model, build_model
 from sim_core.dynamics.robot import SETTLE_S
 from sim_core.errors import ModelError
 from sim_core.rolling.batch import Batch, Job
+from sim_core.rolling.course import Course, CourseResult
 from sim_core.rolling.roll import RollResult
+from sim_core.structure.arrays import Array
 from sim_core.structure.elements import IMPROVED
 from sim_core.structure.parameters import Prototype
 from sim_core.uncertainty.fit_prior import Member, member_model
@@ -46,25 +49,32 @@ class Chunk:
         prototype, kind: the nominal robot.
         draws: the robots that `Job.model` counts.
         jobs: what to roll.
+        actuators: that feel their load, each off by as much as its robot; None: ideal ones.
     """
 
     prototype: Prototype
     draws: tuple[WhichRobot, ...]
-    jobs: tuple[Job, ...]
+    jobs: tuple[Job | Course, ...]
     kind: str = IMPROVED
+    actuators: ActuatorParameters | None = None
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickled small: the same rolls come again for each robot, and are sent once."""
-        rolls = {job[1:]: 0 for job in self.jobs}
-        rolls = {roll: number for number, roll in enumerate(rolls)}
-        table = np.array([(job.model, rolls[job[1:]]) for job in self.jobs], dtype=np.uint32).reshape(-1, 2)
-        return _unpacked, (self.prototype, self.draws, table, tuple(rolls), self.kind)
+        firsts = [job._replace(model=0) for job in self.jobs]
+        rolls = {roll: number for number, roll in enumerate(dict.fromkeys(firsts))}
+        table = np.array([(job.model, rolls[roll]) for job, roll in zip(self.jobs, firsts, strict=True)], dtype=np.uint32)
+        return _unpacked, (self.prototype, self.draws, table.reshape(-1, 2), tuple(rolls), self.kind, self.actuators)
 
 
 def _unpacked(
-    prototype: Prototype, draws: tuple[WhichRobot, ...], table: NDArray[np.uint32], rolls: tuple[Any, ...], kind: str
+    prototype: Prototype,
+    draws: tuple[WhichRobot, ...],
+    table: NDArray[np.uint32],
+    rolls: tuple[Job | Course, ...],
+    kind: str,
+    actuators: ActuatorParameters | None,
 ) -> Chunk:
-    return Chunk(prototype, draws, tuple(Job(model, *rolls[roll]) for model, roll in table.tolist()), kind)
+    return Chunk(prototype, draws, tuple(rolls[roll]._replace(model=model) for model, roll in table.tolist()), kind, actuators)
 
 
 class Cost(NamedTuple):
@@ -84,12 +94,16 @@ class Cost(NamedTuple):
 
 
 class Trials(NamedTuple):
-    """Outcomes of a chunk's jobs, in their order; see `RollResult` for meanings. Arrays are (jobs,).
+    """Outcomes of a chunk's jobs, in their order; see `RollResult` and `CourseResult` for meanings. Arrays are (jobs,).
 
     Attributes:
-        past_edge_m: over the edge that the centre of mass got past the farthest.
+        margin_m: NaN of a course.
+        past_edge_m: over the edge that the centre of mass got past the farthest; NaN of a course.
         toward: the wanted face; of a job that wanted none, the adjacent face that it landed on, else the one behind that edge.
         landed: it stood on that face after actuation.
+        reached: faces of the course; of a roll 1 if it landed.
+        pace_m_s: of a course.
+        driven_s: mean of its struts; of a roll 0.
     """
 
     feasible: NDArray[np.bool_]
@@ -98,6 +112,9 @@ class Trials(NamedTuple):
     peak_force_n: NDArray[np.float32]
     duration_s: NDArray[np.float32]
     past_edge_m: NDArray[np.float32]
+    reached: NDArray[np.float32]
+    pace_m_s: NDArray[np.float32]
+    driven_s: NDArray[np.float32]
     toward: tuple[str, ...]
     landed: tuple[bool, ...]
     reason: tuple[str, ...]
@@ -130,7 +147,7 @@ def run_chunk(chunk: Chunk, threads: int = 1, report: Reporter = silent) -> Tria
         ParameterError, ModelError: a prototype that cannot be built.
     """
     began, began_cpu = time.perf_counter(), time.process_time()
-    batch = _batch_of(chunk.prototype, chunk.kind, chunk.draws, threads)
+    batch = _batch_of(chunk.prototype, chunk.kind, chunk.draws, threads, chunk.actuators)
     built = time.perf_counter()
     results = batch.run(chunk.jobs, report)
     core_s = min(time.process_time() - began_cpu, threads * (time.perf_counter() - began))
@@ -140,11 +157,13 @@ def run_chunk(chunk: Chunk, threads: int = 1, report: Reporter = silent) -> Tria
     return trials_of(results, cost)
 
 
-def trials_of(results: Sequence[RollResult], cost: Cost) -> Trials:
-    """The outcomes of rolls as arrays."""
+def trials_of(results: Sequence[RollResult | CourseResult], cost: Cost) -> Trials:
+    """The outcomes of rolls and courses as arrays."""
 
-    def column(name: str) -> NDArray[np.float32]:
-        return np.array([getattr(result, name) for result in results], dtype=np.float32)
+    def column(name: str, missing: float = np.nan) -> NDArray[np.float32]:
+        return np.array([getattr(result, name, missing) for result in results], dtype=np.float32)
+
+    landed = tuple(_landed(result) for result in results)
 
     return Trials(
         np.array([result.feasible for result in results], dtype=np.bool_),
@@ -152,15 +171,30 @@ def trials_of(results: Sequence[RollResult], cost: Cost) -> Trials:
         column("clearance_m"),
         column("peak_force_n"),
         column("duration_s"),
-        np.array([max(result.past_edge_m.values()) for result in results], dtype=np.float32),
+        np.array([_past_edge_m(result) for result in results], dtype=np.float32),
+        np.array([getattr(result, "reached", won) for result, won in zip(results, landed, strict=True)], dtype=np.float32),
+        column("pace_m_s", 0.0),
+        np.array([np.mean(getattr(result, "driven_s", 0.0)) for result in results], dtype=np.float32),
         tuple(_toward(result) for result in results),
-        tuple(result.actuated.face == _toward(result) for result in results),
+        landed,
         tuple(result.reason for result in results),
         cost,
     )
 
 
-def _toward(result: RollResult) -> str:
+def _landed(result: RollResult | CourseResult) -> bool:
+    if isinstance(result, CourseResult):
+        return result.reached == result.wanted
+    return result.actuated.face == _toward(result)
+
+
+def _past_edge_m(result: RollResult | CourseResult) -> float:
+    return float("nan") if isinstance(result, CourseResult) else max(result.past_edge_m.values())
+
+
+def _toward(result: RollResult | CourseResult) -> str:
+    if isinstance(result, CourseResult):
+        return result.target
     if result.target in result.past_edge_m:
         return result.target
     return max(result.past_edge_m, key=lambda face: result.past_edge_m[face])
@@ -171,10 +205,20 @@ def _nominal(prototype: Prototype, kind: str) -> Model:
     return build_model(prototype, kind=kind)
 
 
-@lru_cache(maxsize=4)
-def _batch_of(prototype: Prototype, kind: str, draws: tuple[WhichRobot, ...], threads: int) -> Batch:
+@lru_cache(maxsize=6)
+def _batch_of(
+    prototype: Prototype, kind: str, draws: tuple[WhichRobot, ...], threads: int, actuators: ActuatorParameters | None
+) -> Batch:
     """The robots of a chunk, settled on faces as they were needed: a search comes back to the same ones again and again."""
-    return Batch(_models_of(_nominal(prototype, kind), draws), threads)
+    strength = None if actuators is None else np.array([_strength_of(draw) for draw in draws])
+    return Batch(_models_of(_nominal(prototype, kind), draws), threads, actuators, strength)
+
+
+def _strength_of(draw: WhichRobot) -> Array:
+    """Factors (6,) of a robot's actuators on speed, stall and back-drive force: off by as much as the robot, from a draw of their own."""
+    if not isinstance(draw, Draw):
+        return np.ones(6)
+    return 1.0 + draw.law.scale * np.random.default_rng([draw.seed, draw.number, 1]).uniform(-1.0, 1.0, 6)
 
 
 def _models_of(nominal: Model, draws: Sequence[WhichRobot]) -> list[Model]:

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cycles: two policies that roll on without stopping, one from a TC onto a TO, one from there onto the next TC.
+
+A cycle is given for the reference course TC6 → TO5 → TC3. Arrived on TC3 the robot may turn to either of the two other TOs: the
+element of the group that carries (TC6, TO5) to (TC3, that TO) relabels both policies, and so on, TC after TC. A turn is named by the
+TO that it leads to on the reference course. The same turn again and again goes straight on: its element has order six, and six
+TCs later the robot stands on the first face again.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from sim_core.errors import RollRefused
+from sim_core.structure.policy import Policy, checked_policy
+from sim_core.structure.symmetry import CARRIERS, REFERENCE_TC, REFERENCE_TO, Element
+from sim_core.structure.topology import NEIGHBOURS, require_adjacent
+
+NEXT_TC = next(face for face in NEIGHBOURS[REFERENCE_TO] if face != REFERENCE_TC)
+"""Where the reference course leads."""
+TURNS = tuple(face for face in NEIGHBOURS[NEXT_TC] if face != REFERENCE_TO)
+"""The two TOs to which it may go on."""
+
+
+@dataclass(frozen=True)
+class CycleStage:
+    """One half of a cycle.
+
+    Attributes:
+        policy: of the reference course; six strokes, whole mm, S1..S6, + lengthens.
+        dwell_s: it goes on so long after the next face was seen.
+        time_s: where nobody looks: how long it takes, so seen.
+    """
+
+    policy: Policy
+    dwell_s: float
+    time_s: float
+
+
+class Switches(NamedTuple):
+    """How a turn went on perturbed robots: rolls that went on as they should, and returns to neutral that stayed, in as many.
+
+    Attributes:
+        rolls: rolls made on the way of this turn.
+        onto_next: how many of them came onto the next face.
+        leaves: courses that ended in neutral on a TC.
+        stayed: how many of them stayed on it.
+    """
+
+    rolls: int
+    onto_next: int
+    leaves: int
+    stayed: int
+
+    @property
+    def miss(self) -> float:
+        """Share of rolls that went elsewhere."""
+        return 1.0 - self.onto_next / self.rolls if self.rolls else 1.0
+
+
+@dataclass(frozen=True)
+class Cycle:
+    """Two stages that repeat under the group.
+
+    Attributes:
+        name: unique in its library, e.g. "C1".
+        stages: from a TC, and from a TO.
+        turns: by name: how it went.
+        margins: figures of its trials, by name.
+    """
+
+    name: str
+    stages: tuple[CycleStage, CycleStage]
+    turns: Mapping[str, Switches] = field(default_factory=dict)
+    margins: Mapping[str, float] = field(default_factory=dict)
+
+
+class ChainRoll(NamedTuple):
+    """One roll of a chain: what to drive to, onto which face, and when to go on, as `CycleStage`."""
+
+    policy: Policy
+    onto: str
+    dwell_s: float
+    time_s: float
+
+
+def turned(element: Element, turn: str) -> Element:
+    """The element of the next two rolls, when `element` carries the reference course to the last two."""
+    following = CARRIERS[NEXT_TC, turn]
+    return CARRIERS[element.face(following.face(REFERENCE_TC)), element.face(following.face(REFERENCE_TO))]
+
+
+def faces_of(source: str, first: str, turns: Sequence[str]) -> tuple[str, ...]:
+    """The faces of a chain that begins on the TC `source` towards the TO `first`, and takes these turns; `source` is the first."""
+    element = _element(source, first)
+    faces = [source, first, element.face(NEXT_TC)]
+    for turn in turns:
+        element = turned(element, turn)
+        faces += [element.face(REFERENCE_TO), element.face(NEXT_TC)]
+    return tuple(faces)
+
+
+def turns_of(faces: Sequence[str]) -> tuple[str, ...]:
+    """The turns of a chain over these faces, from TC to TC. Raises RollRefused: no cycle goes there."""
+    turns = []
+    for at in range(0, len(faces) - 4, 2):
+        element = _element(faces[at], faces[at + 1])
+        turn = next((turn for turn in TURNS if turned(element, turn).face(REFERENCE_TO) == faces[at + 3]), None)
+        if turn is None:
+            raise RollRefused(f"a cycle does not go from {faces[at + 1]} over {faces[at + 2]} to {faces[at + 3]}")
+        turns.append(turn)
+    return tuple(turns)
+
+
+def chain_of(cycle: Cycle, faces: Sequence[str]) -> tuple[ChainRoll, ...]:
+    """The rolls of a cycle over these faces, the first of which the robot stands on.
+
+    Raises:
+        UnknownFaceError, NotAdjacentError; RollRefused: it is no way from a TC over a TO to another TC, and so on.
+    """
+    if len(faces) < 3 or len(faces) % 2 == 0 or not faces[0].startswith("TC"):
+        raise RollRefused(f"a cycle goes from TC to TC over TOs: an odd number of faces from 3 on; got {', '.join(faces)}")
+    rolls = []
+    for at in range(0, len(faces) - 1, 2):
+        element = _element(faces[at], faces[at + 1])
+        require_adjacent(faces[at + 1], faces[at + 2])
+        if faces[at + 2] != element.face(NEXT_TC):
+            raise RollRefused(f"from {faces[at]} over {faces[at + 1]} a cycle goes to {element.face(NEXT_TC)}, not to {faces[at + 2]}")
+        for stage, onto in zip(cycle.stages, faces[at + 1 : at + 3], strict=True):
+            policy = checked_policy(element.relabel(stage.policy), 10_000)
+            rolls.append(ChainRoll(policy, onto, stage.dwell_s, stage.time_s))
+    turns_of(faces)
+    return tuple(rolls)
+
+
+def _element(source: str, target: str) -> Element:
+    require_adjacent(source, target)
+    if not source.startswith("TC"):
+        raise RollRefused(f"a cycle begins on a TC, not on {source}")
+    return CARRIERS[source, target]
