@@ -2,16 +2,16 @@
 """Cycles: two policies that roll on without stopping, one from a TC onto a TO, one from there onto the next TC.
 
 A cycle is given for the reference course TC6 → TO5 → TC3. Arrived on TC3 the robot may turn to either of the two other TOs: the
-element of the group that carries (TC6, TO5) to (TC3, that TO) relabels both policies, and so on, TC after TC. A turn is named by the
-TO that it leads to on the reference course. The same turn again and again goes straight on: its element has order six, and six
+element of the group that carries (TC6, TO5) to (TC3, that TO) relabels both policies, and so on, TC after TC. A turn is named by
+the TO that it leads to on the reference course. The same turn again and again goes straight on: its element has order six, and six
 TCs later the robot stands on the first face again.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from sim_core.errors import RollRefused
+from sim_core.errors import LibraryError, PolicyError, RollRefused, brief
 from sim_core.structure.policy import Policy, checked_policy
 from sim_core.structure.symmetry import CARRIERS, REFERENCE_TC, REFERENCE_TO, Element
 from sim_core.structure.topology import NEIGHBOURS, require_adjacent
@@ -20,6 +20,8 @@ NEXT_TC = next(face for face in NEIGHBOURS[REFERENCE_TO] if face != REFERENCE_TC
 """Where the reference course leads."""
 TURNS = tuple(face for face in NEIGHBOURS[NEXT_TC] if face != REFERENCE_TO)
 """The two TOs to which it may go on."""
+LONGEST_S = 60.0
+"""Of a stage's times: more is a mistake."""
 
 
 @dataclass(frozen=True)
@@ -125,7 +127,9 @@ def chain_of(cycle: Cycle, faces: Sequence[str]) -> tuple[ChainRoll, ...]:
         element = _element(faces[at], faces[at + 1])
         require_adjacent(faces[at + 1], faces[at + 2])
         if faces[at + 2] != element.face(NEXT_TC):
-            raise RollRefused(f"from {faces[at]} over {faces[at + 1]} a cycle goes to {element.face(NEXT_TC)}, not to {faces[at + 2]}")
+            raise RollRefused(
+                f"from {faces[at]} over {faces[at + 1]} a cycle goes to {element.face(NEXT_TC)}, not to {faces[at + 2]}"
+            )
         for stage, onto in zip(cycle.stages, faces[at + 1 : at + 3], strict=True):
             policy = checked_policy(element.relabel(stage.policy), 10_000)
             rolls.append(ChainRoll(policy, onto, stage.dwell_s, stage.time_s))
@@ -138,3 +142,59 @@ def _element(source: str, target: str) -> Element:
     if not source.startswith("TC"):
         raise RollRefused(f"a cycle begins on a TC, not on {source}")
     return CARRIERS[source, target]
+
+
+def stage_numbers(stage: CycleStage) -> tuple[Any, ...]:
+    """What a stage does: its policy and its times, in whole ms."""
+    return *stage.policy, round(1e3 * stage.dwell_s), round(1e3 * stage.time_s)
+
+
+def parse_cycles(rows: Any, where: str) -> tuple[Cycle, ...]:
+    """The cycles of a library's parsed YAML. Raises LibraryError."""
+    if not isinstance(rows, list):
+        raise LibraryError(f"{where}: cycles is {brief(rows)}; valid is a list")
+    cycles = []
+    for number, row in enumerate(rows, start=1):
+        try:
+            one, other = (
+                CycleStage(checked_policy(stage["policy_mm"], 10_000), _seconds(stage["dwell_s"]), _seconds(stage["time_s"]))
+                for stage in row["stages"]
+            )
+            turns = {str(turn): Switches(*(int(counts[key]) for key in Switches._fields)) for turn, counts in row["turns"].items()}
+            margins = {str(key): float(value) for key, value in dict(row.get("margins") or {}).items()}
+            cycle = Cycle(str(row["name"]), (one, other), turns, margins)
+            if set(turns) - set(TURNS) or any(min(counts) < 0 for counts in turns.values()):
+                raise ValueError("turns")
+        except (KeyError, TypeError, AttributeError, ValueError, OverflowError) as error:
+            raise LibraryError(
+                f"{where}: cycle {number} is {brief(row)}; valid is {{name, stages: [two of {{policy_mm, dwell_s, time_s}}], "
+                f"turns: {{{' or '.join(TURNS)}: {{{', '.join(Switches._fields)}}}}}}}"
+            ) from error
+        except PolicyError as error:
+            raise LibraryError(f"{where}: cycle {number}: {error}") from error
+        if cycle.name in {before.name for before in cycles}:
+            raise LibraryError(f"{where}: two cycles are called {cycle.name!r}; names must differ")
+        cycles.append(cycle)
+    return tuple(cycles)
+
+
+def _seconds(value: Any) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 <= value <= LONGEST_S:
+        raise ValueError(f"{value} is no time")
+    return float(value)
+
+
+def cycles_text(cycles: Sequence[Cycle]) -> str:
+    """The YAML of cycles."""
+    lines = ["cycles:"]
+    for cycle in cycles:
+        lines += [f"- name: {cycle.name}", "  stages:"]
+        for stage in cycle.stages:
+            policy = ", ".join(map(str, stage.policy))
+            lines.append(f"  - {{policy_mm: [{policy}], dwell_s: {stage.dwell_s:g}, time_s: {stage.time_s:g}}}")
+        lines.append("  turns:")
+        for turn, switches in cycle.turns.items():
+            counts = ", ".join(f"{key}: {value}" for key, value in switches._asdict().items())
+            lines.append(f"    {turn}: {{{counts}}}")
+        lines.append(f"  margins: {{{', '.join(f'{key}: {value:g}' for key, value in cycle.margins.items())}}}")
+    return "\n".join(lines)

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Primitive libraries: policies for the reference pair, in one YAML file, and the gaits made of them by symmetry."""
+"""Primitive libraries: policies for the reference pair, in one YAML file, and the gaits made of them by symmetry.
+
+Schema 2 adds cycles (see `cycle`); a library without any is written as schema 1, with the hash that it has always had.
+"""
 
 import hashlib
 from collections.abc import Mapping
@@ -11,12 +14,13 @@ from typing import Any
 from sim_core.errors import LibraryError, PolicyError, brief
 from sim_core.files.bounded_reader import DATA
 from sim_core.files.yaml_reader import read_yaml_or, sealed, yaml_text
+from sim_core.gaits.cycle import Cycle, cycles_text, parse_cycles, stage_numbers
 from sim_core.structure.policy import Policy, checked_policy
 from sim_core.structure.roll_classes import CLASSES, RollClass, class_of
 from sim_core.structure.symmetry import carrier
 from sim_core.structure.topology import require_adjacent
 
-SCHEMA = 1
+SCHEMAS = 1, 2
 LIBRARIES = DATA / "libraries"
 """Where the shipped ones are."""
 
@@ -62,17 +66,20 @@ class Library:
         name: e.g. "robust".
         model_hash: of the model they were found with.
         provenance: how they were found.
+        cycles: best first.
     """
 
     name: str
     model_hash: str
     provenance: Mapping[str, Any]
     primitives: tuple[Primitive, ...]
+    cycles: tuple[Cycle, ...] = ()
 
     @cached_property
     def hash(self) -> str:
         """Identifies the policies: sha256, 16 hex digits."""
-        text = "\n".join(f"{p.name} {p.roll_class.name} {p.policy}" for p in self.primitives)
+        rows = [f"{p.name} {p.roll_class.name} {p.policy}" for p in self.primitives]
+        text = "\n".join(rows + [f"{c.name} cycle {tuple(map(tuple, map(stage_numbers, c.stages)))}" for c in self.cycles])
         return hashlib.sha256(f"{self.model_hash}\n{text}".encode()).hexdigest()[:16]
 
     def primitive(self, name: str) -> Primitive:
@@ -121,8 +128,8 @@ def load_library(name_or_path: str | Path = "robust") -> Library:
 
 def parse_library(document: Any, where: str) -> Library:
     """A library from its parsed YAML. Raises LibraryError."""
-    if not isinstance(document, Mapping) or document.get("schema") != SCHEMA or "primitives" not in document:
-        raise LibraryError(f"{where} is not a primitive library: valid is a mapping with schema: {SCHEMA} and primitives: [...]")
+    if not isinstance(document, Mapping) or document.get("schema") not in SCHEMAS or "primitives" not in document:
+        raise LibraryError(f"{where} is not a primitive library: valid is a mapping with schema: 1 or 2 and primitives: [...]")
     rows, name, provenance = document["primitives"], document.get("name", where), document.get("provenance") or {}
     if not isinstance(rows, list) or not rows:
         raise LibraryError(f"{where}: primitives is {brief(rows)}; valid is a list of one or more")
@@ -130,7 +137,8 @@ def parse_library(document: Any, where: str) -> Library:
         raise LibraryError(f"{where}: name is {brief(name)}; valid is text: write it in quotes")
     if not isinstance(provenance, Mapping):
         raise LibraryError(f"{where}: provenance is {brief(provenance)}; valid is a mapping")
-    return Library(name, _text(where, document, "model_hash", ""), dict(provenance), _primitives(rows, where))
+    cycles = parse_cycles(document.get("cycles", []), where) if document["schema"] > 1 else ()
+    return Library(name, _text(where, document, "model_hash", ""), dict(provenance), _primitives(rows, where), cycles)
 
 
 def _text(where: str, row: Mapping[str, Any], key: str, default: str) -> str:
@@ -166,7 +174,7 @@ def _primitives(rows: list[Any], where: str) -> tuple[Primitive, ...]:
 def library_text(library: Library) -> str:
     """The YAML of a library."""
     head = {
-        "schema": SCHEMA,
+        "schema": SCHEMAS[bool(library.cycles)],
         "name": library.name,
         "model_hash": library.model_hash,
         "provenance": dict(library.provenance),
@@ -176,4 +184,6 @@ def library_text(library: Library) -> str:
         margins = ", ".join(f"{key}: {value:g}" for key, value in p.margins.items())
         policy = ", ".join(map(str, p.policy))
         lines.append(f"- {{name: {p.name}, class: {p.roll_class.name}, policy_mm: [{policy}], margins: {{{margins}}}}}")
+    if library.cycles:
+        lines.append(cycles_text(library.cycles))
     return sealed("\n".join(lines) + "\n")

@@ -157,7 +157,9 @@ def stages_of_chain(
         observed: each roll waits for the face; else for its own time.
     """
     stages = [
-        Stage(roll.policy, roll.onto, 0.0, latency_s + roll.dwell_s, LIMIT_S) if observed else Stage(roll.policy, roll.onto, roll.time_s)
+        Stage(roll.policy, roll.onto, 0.0, latency_s + roll.dwell_s, LIMIT_S)
+        if observed
+        else Stage(roll.policy, roll.onto, roll.time_s)
         for roll in rolls
     ]
     return (*stages, Stage(neutral, rolls[-1].onto))

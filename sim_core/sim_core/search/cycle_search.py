@@ -7,15 +7,13 @@ for the time that struts are driven, then speed. As in `genetic_search` a genera
 elites.
 """
 
-import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from sim_core.dynamics.actuators import ActuatorParameters, load_actuators
-from sim_core.dynamics.model import build_model
 from sim_core.gaits.cycle import TURNS, Cycle, CycleStage, chain_of, faces_of
 from sim_core.rolling.course import Course, stages_of_chain
 from sim_core.structure.parameters import Prototype
@@ -103,7 +101,8 @@ class CycleSearch:
         self._actuators = load_actuators()
         law = Law(plan.scale)
         self._robots: dict[bool, tuple[WhichRobot, ...]] = {
-            feels: tuple(Draw(law, 1000 * plan.seed + 7 + feels, number) for number in range(plan.robots)) for feels in (False, True)
+            feels: tuple(Draw(law, 1000 * plan.seed + 7 + feels, number) for number in range(plan.robots))
+            for feels in (False, True)
         }
         self._elites: list[Tried] = []
 
@@ -188,9 +187,7 @@ class CycleSearch:
             found.append(Tried(genes, 1.0 + merit, margins))
         return found
 
-    def _rolled(
-        self, work: Sequence[tuple[Cycle, tuple[str, ...], WhichRobot]], actuators: ActuatorParameters | None
-    ) -> Trials:
+    def _rolled(self, work: Sequence[tuple[Cycle, tuple[str, ...], WhichRobot]], actuators: ActuatorParameters | None) -> Trials:
         draws = tuple(dict.fromkeys(robot for _, _, robot in work))
         number = {draw: i for i, draw in enumerate(draws)}
         jobs = []
@@ -198,9 +195,7 @@ class CycleSearch:
             rolls = chain_of(cycle, faces_of(REFERENCE_TC, REFERENCE_TO, turns))
             jobs.append(Course(number[robot], REFERENCE_TC, stages_of_chain(rolls, NEUTRAL)))
         self.rolled += len(jobs)
-        chunks = [
-            Chunk(self.prototype, draws, tuple(jobs[at : at + 256]), actuators=actuators) for at in range(0, len(jobs), 256)
-        ]
+        chunks = [Chunk(self.prototype, draws, tuple(jobs[at : at + 256]), actuators=actuators) for at in range(0, len(jobs), 256)]
         return joined(self._run(chunks))
 
 
