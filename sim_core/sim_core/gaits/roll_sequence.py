@@ -3,7 +3,13 @@
 
     (go to neutral, settle,) actuate, settle, return to neutral, settle, have the face confirmed
 
-Times are robot time. Whatever face the robot lands on, it is brought back to neutral lengths before the roll is reported.
+or of a chain of rolls without a stop between:
+
+    (go to neutral, settle,) roll on from face to face, return to neutral, settle, have the face confirmed
+
+Times are robot time. Whatever face the robot lands on, it is brought back to neutral lengths before the roll is reported. In
+a chain the next motion overtakes the one before as soon as the robot stands on the next face, seen, or predicted where a prediction
+is enough; blind, after the roll's own time.
 """
 
 from collections.abc import Callable
@@ -24,6 +30,7 @@ class Phase(StrEnum):
     TO_NEUTRAL = "going to neutral lengths"
     TO_NEUTRAL_SETTLE = "settling at neutral lengths"
     ACTUATE = "actuating"
+    ROLL_ON = "rolling on"
     ACTUATE_SETTLE = "settling after actuation"
     RETURN = "returning to neutral lengths"
     RETURN_SETTLE = "settling after the return"
@@ -67,12 +74,38 @@ class View:
 
 
 @dataclass(frozen=True)
+class Link:
+    """One roll of a chain.
+
+    Attributes:
+        lengths_m: to drive to.
+        onto: the face that it leads onto.
+        dwell_s: the chain goes on so long after that face was seen.
+        time_s: blind, so long after the roll's beginning.
+    """
+
+    lengths_m: Lengths
+    onto: str
+    dwell_s: float
+    time_s: float
+
+
+@dataclass(frozen=True)
 class RollPlan:
-    """One gait: `source` to `target` by driving to `lengths_m` and back."""
+    """One gait: `source` to `target` by driving to `lengths_m` and back; or a chain of them, by its links and back.
+
+    Attributes:
+        source, target: the first face and the last.
+        lengths_m: of one gait.
+        links: of a chain; none: it is one gait.
+        blind: nobody looks: every link has its own time.
+    """
 
     source: str
     target: str
     lengths_m: Lengths
+    links: tuple[Link, ...] = ()
+    blind: bool = False
 
 
 @dataclass(frozen=True)
@@ -84,25 +117,28 @@ class RollRules:
         observe: the outcome needs an observation; else the twin's prediction is enough.
         settle_timeout_s: longest wait for rest, and for an observer's word of it, after a motion.
         confirm_timeout_s: longest wait for a person's word where no observer looks.
+        link_timeout_s: longest wait for the next face of a chain, from the beginning of a link.
     """
 
     neutral_m: Lengths
     observe: bool
     settle_timeout_s: float
     confirm_timeout_s: float
+    link_timeout_s: float = 12.0
 
 
 @dataclass(frozen=True)
 class Move:
-    """Do this next: drive to `lengths_m`, then call `moved`."""
+    """Do this next: drive to `lengths_m`, then call `moved`. `overtakes`: in the place of the motion that may be running still."""
 
     phase: Phase
     lengths_m: Lengths
+    overtakes: bool = False
 
 
 @dataclass(frozen=True)
 class RollOutcome:
-    """The roll is over; `completed` says that both motions were made and the robot was judged."""
+    """The roll is over. `completed`: all motions were made and the robot was judged. `rolls`: how many faces on it came."""
 
     success: bool
     reason: str
@@ -111,11 +147,12 @@ class RollOutcome:
     faces: tuple[str, ...]
     duration_s: float
     completed: bool = True
+    rolls: int = 0
 
 
 @dataclass
 class RollSequence:
-    """One roll.
+    """One roll, or a chain of them.
 
     Args:
         rules: how it is judged.
@@ -130,6 +167,10 @@ class RollSequence:
     _failure: str = ""
     _began_ns: int | None = None
     _moved_ns: int = 0
+    _link: int = -1
+    _link_ns: int = 0
+    _landed_ns: int | None = None
+    _ends_early: str = ""
 
     def begin(self, view: View) -> Move:
         """The first move. Raises RollRefused: the face is not known, or no plan leads from it."""
@@ -140,19 +181,29 @@ class RollSequence:
         away_m = max(abs(length - neutral) for length, neutral in zip(view.lengths_m, self.rules.neutral_m, strict=True))
         if away_m > NEUTRAL_TOLERANCE_M:
             return self._move(Phase.TO_NEUTRAL, self.rules.neutral_m)
-        self.plan = plan
-        return self._move(Phase.ACTUATE, plan.lengths_m)
+        return self._start(plan, view)
 
     def moved(self, view: View) -> None:
-        """The motion asked for has been sent to its end."""
+        """The motion asked for has been sent to its end. A chain waits on for its next face."""
         self._moved_ns = view.robot_time_ns
-        self.phase = _SETTLE_AFTER[self.phase]
+        self.phase = _SETTLE_AFTER.get(self.phase, self.phase)
+
+    def end_early(self, reason: str) -> None:
+        """A chain goes to neutral on the next TC, and ends there for this reason."""
+        self._ends_early = self._ends_early or reason
+
+    def give_up(self, reason: str) -> Move:
+        """The next motion of a chain cannot be: back to neutral."""
+        self._fail(reason)
+        return self._move(Phase.RETURN, self.rules.neutral_m, overtakes=True)
 
     def look(self, view: View) -> Move | RollOutcome | None:
         """What is known has changed, or time has passed; what to do now, if anything. Raises RollRefused as `begin`."""
         self._follow_faces(view)
         if self.phase is Phase.CONFIRM:
             return self._confirm(view)
+        if self.phase is Phase.ROLL_ON:
+            return self._roll_on(view)
         if self.phase not in _SETTLE_AFTER.values():
             return None
         waited_s = (view.robot_time_ns - self._moved_ns) * 1e-9
@@ -188,20 +239,64 @@ class RollSequence:
             faces=tuple(self._faces),
             duration_s=(self._moved_ns - began_ns) * 1e-9,
             completed=not reason and self.phase in (Phase.RETURN_SETTLE, Phase.CONFIRM),
+            rolls=len(self._faces) - 1 if self.plan is not None and not self.plan.links else self._landings(),
         )
 
     # ---- parts ------------------------------------------------------------------------------------------------------
 
-    def _move(self, phase: Phase, lengths_m: Lengths) -> Move:
+    def _move(self, phase: Phase, lengths_m: Lengths, overtakes: bool = False) -> Move:
         self.phase = phase
-        return Move(phase, lengths_m)
+        return Move(phase, lengths_m, overtakes)
+
+    def _start(self, plan: RollPlan, view: View) -> Move:
+        self.plan = plan
+        return self._next_link(view) if plan.links else self._move(Phase.ACTUATE, plan.lengths_m)
+
+    def _next_link(self, view: View) -> Move:
+        """Drive on to the next link's lengths, or to neutral after the last one."""
+        assert self.plan is not None
+        on_tc = self._link >= 0 and self.plan.links[self._link].onto.startswith("TC")
+        if on_tc and self._ends_early and self._link + 1 < len(self.plan.links):
+            return self.give_up(f"ended on {self.plan.links[self._link].onto}: {self._ends_early}")
+        if self._link + 1 == len(self.plan.links):
+            return self._move(Phase.RETURN, self.rules.neutral_m, overtakes=True)
+        self._link += 1
+        self._link_ns, self._landed_ns = view.robot_time_ns, None
+        return self._move(Phase.ROLL_ON, self.plan.links[self._link].lengths_m, overtakes=self._link > 0)
+
+    def _roll_on(self, view: View) -> Move | None:
+        """A link goes on, or the next one begins."""
+        assert self.plan is not None
+        link, link_s = self.plan.links[self._link], (view.robot_time_ns - self._link_ns) * 1e-9
+        if self.plan.blind:
+            return self._next_link(view) if link_s >= link.time_s else None
+        seen = self._teller(view)
+        before = self.plan.links[self._link - 1].onto if self._link else self.plan.source
+        if seen is not None and seen.robot_time_ns > self._link_ns:
+            if seen.face == link.onto and self._landed_ns is None:
+                self._landed_ns = seen.robot_time_ns
+            elif seen.face not in (None, before, link.onto):
+                return self.give_up(f"on the way to {link.onto} it came to {seen.face} ({seen.source})")
+        if self._landed_ns is not None:
+            return self._next_link(view) if (view.robot_time_ns - self._landed_ns) * 1e-9 >= link.dwell_s else None
+        if link_s > self.rules.link_timeout_s:
+            return self.give_up(f"it did not come onto {link.onto} within {self.rules.link_timeout_s:g} s")
+        return None
+
+    def _landings(self) -> int:
+        """Links of a chain that are made."""
+        return self._link + (self._landed_ns is not None) if self._link >= 0 else 0
+
+    def _teller(self, view: View) -> Seen | None:
+        """Who says where the robot is while it moves."""
+        return view.observed if view.observer else view.predicted
 
     def _start_from_neutral(self, view: View) -> Move | RollOutcome:
         if self._failure:
             return self.end(view)
-        self.plan = self.plan_from(known_face(view))
-        self._faces = [self.plan.source]
-        return self._move(Phase.ACTUATE, self.plan.lengths_m)
+        plan = self.plan_from(known_face(view))
+        self._faces = [plan.source]
+        return self._start(plan, view)
 
     def _seen_since(self, view: View) -> Seen | None:
         """Where somebody saw the robot at rest since the last motion."""
@@ -227,10 +322,11 @@ class RollSequence:
     def _judge(self, view: View) -> None:
         assert self.plan is not None
         stands = self._stands_on(view)
-        if stands is not None and stands.face != self.plan.target:
+        target = self.plan.links[self._link].onto if self.plan.links else self.plan.target
+        if stands is not None and stands.face != target:
             when = "actuation" if self.phase is Phase.ACTUATE_SETTLE else "the return"
             where = f"on {stands.face}" if stands.face else "on no face"
-            self._fail(f"after {when} the robot stands {where} ({stands.source}), not on {self.plan.target}")
+            self._fail(f"after {when} the robot stands {where} ({stands.source}), not on {target}")
 
     def _confirm(self, view: View) -> RollOutcome | None:
         if self._seen_since(view) is not None:
@@ -246,7 +342,7 @@ class RollSequence:
         )
 
     def _follow_faces(self, view: View) -> None:
-        teller = view.observed if view.observer else view.predicted
+        teller = self._teller(view)
         if teller is None or not teller.face or teller.robot_time_ns < (self._began_ns or 0):
             return
         if self._faces and teller.face != self._faces[-1]:

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from sim_core.errors import RollRefused
-from sim_core.gaits.roll_sequence import Move, Phase, RollOutcome, RollPlan, RollRules, RollSequence, Seen, View
+from sim_core.gaits.roll_sequence import Link, Move, Phase, RollOutcome, RollPlan, RollRules, RollSequence, Seen, View
 
 NEUTRAL = (0.234,) * 6
 POLICY = (0.240, 0.230, 0.250, 0.234, 0.220, 0.234)
@@ -45,7 +45,7 @@ def test_a_roll_actuates_settles_returns_settles_and_reports():
     assert sequence.look(view(4.0, "TO5")) == Move(Phase.RETURN, NEUTRAL)
     sequence.moved(view(7.0, "TO5", rest=False))
     outcome = sequence.look(view(8.0, "TO5"))
-    assert outcome == RollOutcome(True, "", "TO5", "TO5", ("TC6", "TO5"), 7.0)
+    assert outcome == RollOutcome(True, "", "TO5", "TO5", ("TC6", "TO5"), 7.0, rolls=1)
 
 
 def test_rest_before_the_end_of_the_motion_counts_for_nothing():
@@ -94,7 +94,7 @@ def test_with_confirm_predicted_the_twin_is_enough():
     sequence.look(view(4.0, "TO5", observer=False))
     sequence.moved(view(7.0, rest=False, observer=False))
     outcome = sequence.look(view(8.0, "TO5", observer=False))
-    assert outcome == RollOutcome(True, "", "TO5", "", ("TC6", "TO5"), 7.0)
+    assert outcome == RollOutcome(True, "", "TO5", "", ("TC6", "TO5"), 7.0, rolls=1)
 
 
 def confirming() -> RollSequence:
@@ -191,3 +191,83 @@ def test_faces_on_the_way_are_listed_once_each():
     for at_s, face in ((0.5, "TC6"), (1.0, None), (1.5, "TO5"), (2.0, "TO5"), (2.5, "TC8"), (2.6, "TO5")):
         sequence.look(view(at_s, face, rest=False))
     assert sequence.end(view(3.0, "TO5")).faces == ("TC6", "TO5", "TC8", "TO5")
+
+
+# ---- chains ---------------------------------------------------------------------------------------------------------
+
+FIRST, SECOND = (0.25,) * 6, (0.21,) * 6
+LINKS = (Link(FIRST, "TO5", 0.2, 3.0), Link(SECOND, "TC3", 0.0, 4.0))
+
+
+def chain(links: tuple[Link, ...] = LINKS, blind: bool = False, observe: bool = True) -> RollSequence:
+    sequence = RollSequence(rules(observe), lambda source: RollPlan(source, links[-1].onto, (), links, blind))
+    assert sequence.begin(view(0.0)) == Move(Phase.ROLL_ON, FIRST)
+    return sequence
+
+
+def test_a_chain_goes_on_when_the_next_face_is_seen_though_nothing_rests():
+    sequence = chain()
+    assert sequence.look(view(2.0, "TC6", rest=False)) is None
+    assert sequence.look(view(3.0, "TO5", rest=False)) is None, "it dwells"
+    assert sequence.look(view(3.21, None, rest=False)) == Move(Phase.ROLL_ON, SECOND, overtakes=True)
+    sequence.moved(view(5.0, "TO5", rest=False))
+    assert sequence.look(view(6.0, "TO5", rest=False)) is None
+    assert sequence.look(view(7.0, "TC3", rest=False)) == Move(Phase.RETURN, NEUTRAL, overtakes=True)
+    sequence.moved(view(9.0, "TC3", rest=False))
+    assert sequence.look(view(9.5, "TC3", rest=False)) is None
+    outcome = sequence.look(view(10.0, "TC3"))
+    assert outcome == RollOutcome(True, "", "TC3", "TC3", ("TC6", "TO5", "TC3"), 9.0, rolls=2)
+
+
+def test_a_face_seen_before_the_link_began_counts_for_nothing():
+    sequence = chain()
+    stale = replace(view(0.0, "TO5"), robot_time_ns=1 * S)
+    assert sequence.look(stale) is None
+    assert sequence.look(replace(stale, robot_time_ns=2 * S)) is None
+
+
+@pytest.mark.parametrize(
+    ("face", "why"), [("TC1", "on the way to TO5 it came to TC1 (prototype)"), (None, "it did not come onto TO5")]
+)
+def test_a_miss_ends_a_chain_in_neutral(face, why):
+    sequence = chain()
+    step = sequence.look(view(12.1, face, rest=False))
+    assert step == Move(Phase.RETURN, NEUTRAL, overtakes=True)
+    sequence.moved(view(14.0, face, rest=False))
+    outcome = sequence.look(view(15.0, face))
+    assert isinstance(outcome, RollOutcome)
+    assert not outcome.success
+    assert why in outcome.reason
+    assert outcome.rolls == 0
+
+
+def test_a_blind_chain_goes_by_its_times():
+    sequence = chain(blind=True)
+    assert sequence.look(view(2.9, "TC6", observer=False)) is None
+    assert sequence.look(view(3.0, "TC6", observer=False)) == Move(Phase.ROLL_ON, SECOND, overtakes=True)
+    assert sequence.look(view(6.9, "TC1", observer=False)) is None
+    assert sequence.look(view(7.0, "TC1", observer=False)) == Move(Phase.RETURN, NEUTRAL, overtakes=True)
+
+
+def test_a_chain_that_ends_early_does_so_on_a_tc():
+    more = (*LINKS, Link(FIRST, "TO4", 0.0, 3.0), Link(SECOND, "TC4", 0.0, 3.0))
+    sequence = chain(more)
+    sequence.end_early("duty is nearly spent")
+    sequence.look(view(3.0, "TO5", rest=False))
+    assert sequence.look(view(3.3, "TO5", rest=False)) == Move(Phase.ROLL_ON, SECOND, overtakes=True), "not on a TO"
+    assert sequence.look(view(7.0, "TC3", rest=False)) == Move(Phase.RETURN, NEUTRAL, overtakes=True)
+    sequence.moved(view(9.0, "TC3", rest=False))
+    outcome = sequence.look(view(10.0, "TC3"))
+    assert isinstance(outcome, RollOutcome)
+    assert (outcome.success, outcome.reason) == (False, "ended on TC3: duty is nearly spent")
+    assert (outcome.observed_face, outcome.rolls) == ("TC3", 2)
+
+
+def test_a_refused_link_brings_the_robot_to_neutral():
+    sequence = chain()
+    sequence.look(view(3.0, "TO5", rest=False))
+    assert sequence.give_up("the bridge ended the motion: no duty left") == Move(Phase.RETURN, NEUTRAL, overtakes=True)
+    sequence.moved(view(6.0, "TO5", rest=False))
+    outcome = sequence.look(view(7.0, "TO5"))
+    assert isinstance(outcome, RollOutcome)
+    assert outcome.reason == "the bridge ended the motion: no duty left"
