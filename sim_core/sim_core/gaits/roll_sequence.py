@@ -200,10 +200,8 @@ class RollSequence:
     def look(self, view: View) -> Move | RollOutcome | None:
         """What is known has changed, or time has passed; what to do now, if anything. Raises RollRefused as `begin`."""
         self._follow_faces(view)
-        if self.phase is Phase.CONFIRM:
-            return self._confirm(view)
-        if self.phase is Phase.ROLL_ON:
-            return self._roll_on(view)
+        if self.phase in (Phase.CONFIRM, Phase.ROLL_ON):
+            return self._confirm(view) if self.phase is Phase.CONFIRM else self._roll_on(view)
         if self.phase not in _SETTLE_AFTER.values():
             return None
         waited_s = (view.robot_time_ns - self._moved_ns) * 1e-9

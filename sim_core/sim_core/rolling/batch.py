@@ -32,8 +32,8 @@ from sim_core.structure.elements import PREVIOUS
 from sim_core.structure.policy import Policy
 
 FOLLOWING = 1.0
-"""Speed of the struts over that of the actuators that they follow. A twin's are twice as fast: each of its steps of 10 ms is then a jerk,
-which adds up to 30 N to the peaks of strut forces (and moves no face); its recorded bits are to stay."""
+"""Speed of the struts over that of the actuators that they follow. A twin's are twice as fast, and its recorded bits are to stay:
+each of its steps of 10 ms is a jerk, which adds up to 30 N to the peaks of strut forces."""
 
 
 class Job(NamedTuple):
