@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Texts from outside, made fit to be shown and kept."""
 
+import sys
 import unicodedata
+from io import TextIOWrapper
 
 NAME_MOST, WORDS_MOST = 64, 300
 """Characters of a name, and of what somebody says."""
@@ -21,6 +23,13 @@ def printable(text: object, most: int = WORDS_MOST) -> str:
     if len(line) <= most and len(whole) <= _LOOKED_AT * most:
         return line
     return line[: most - 1] + "…"
+
+
+def replace_what_cannot_be_shown() -> None:
+    """From now on standard output and error have a "?" for each letter that their encoding lacks: no arrow may end a program."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="replace")
 
 
 def _shown(letter: str) -> str:

@@ -28,6 +28,7 @@ from typing import Annotated, Any
 
 import typer
 
+from sim_core.printable import replace_what_cannot_be_shown
 from sixstrut_cli import registry
 
 EXIT_FAILED = 1
@@ -48,6 +49,7 @@ _SETTINGS = {"help_option_names": ["--help", "-h"]}
 
 def main() -> None:
     """Entry point of `python -m sixstrut_cli` and of the executable `sixstrut`."""
+    replace_what_cannot_be_shown()
     sys.exit(run(sys.argv[1:]))
 
 

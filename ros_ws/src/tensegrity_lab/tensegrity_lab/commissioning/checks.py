@@ -18,6 +18,7 @@ from hardware_bridge.prototype_client import handshake as virtual_port
 from hardware_bridge.prototype_client.handshake import default_link
 from hardware_bridge.recording.session_bag import bag_folder
 from hardware_bridge.saved_state.state_file import state_directory
+from sim_core.files.places import folder_problem
 from tensegrity_robot.ros.discovery import PROFILES, RANGE
 
 FREE_NEEDED_BYTES = 1_000_000_000
@@ -69,8 +70,8 @@ def examine(port: str, board: Board, baud: int, calibration: Path | None) -> Ite
     else:
         yield Finding("port", Health.SKIPPED, "none given, and no virtual prototype runs", "give --port, or start a prototype")
     yield check_calibration(calibration, real=bool(port) and not virtual)
-    yield check_folder("bags", bag_folder(""), FREE_NEEDED_BYTES)
-    yield check_folder("state", state_directory(), 1_000_000)
+    yield check_folder("bags", bag_folder(""), FREE_NEEDED_BYTES, "SIXSTRUT_BAGS")
+    yield check_folder("state", state_directory(), 1_000_000, "SIXSTRUT_STATE_DIR")
     yield check_network()
 
 
@@ -131,17 +132,12 @@ def check_calibration(path: Path | None, real: bool) -> Finding:
     return Finding(what, Health.MEND, f"{told}: where its struts are and how long they ran is forgotten at each start", mend)
 
 
-def check_folder(what: str, folder: Path, needed_bytes: int) -> Finding:
+def check_folder(what: str, folder: Path, needed_bytes: int, variable: str) -> Finding:
     """Whether a folder, or the one that it will be made in, can be written and has room."""
-    there = folder
-    while not there.exists() and there != there.parent:
-        there = there.parent
-    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
-        return Finding(what, Health.MEND, f"{folder} cannot be written", f"make {there} writable, or choose another folder")
+    if problem := folder_problem(folder, needed_bytes):
+        return Finding(what, Health.MEND, problem, f"make it writable, make room, or choose another folder with {variable}")
+    there = next(place for place in (folder, *folder.parents) if place.exists())
     free = shutil.disk_usage(there).free
-    if free < needed_bytes:
-        told = f"{free / 1e9:.2f} GB free for {folder}, {needed_bytes / 1e9:g} GB are needed"
-        return Finding(what, Health.MEND, told, "make room: remove old bags, or choose another disk with SIXSTRUT_BAGS")
     journals = sorted(folder.glob("*.mcap.journal")) if folder.is_dir() else []
     left = f"; {len(journals)} unfinished bags, which the next bridge mends" if journals else ""
     return Finding(what, Health.FINE, f"{folder}, {free / 1e9:.1f} GB free{left}")

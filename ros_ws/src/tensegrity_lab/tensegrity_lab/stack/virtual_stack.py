@@ -15,14 +15,18 @@ from typing import Any
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
 from sim_core.dynamics.actuators import require_actuators
+from sim_core.files.places import folder_problem
 from sim_core.gaits.library import load_library
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.topology import require_face
+from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.processes import Stack, wait_until
 from tensegrity_lab.stack.ros_domain import private_domain
 from tensegrity_lab.terminal.compile_notice import compile_first
 from tensegrity_lab.terminal.leaving import uninterrupted
 
+FREE_BYTES = 200_000_000
+"""Room on the disk without which no robot is started: with less the bridge refuses motions."""
 START_LIMIT_S = 180.0
 """The first time on a machine its kernels are compiled."""
 
@@ -77,6 +81,8 @@ class VirtualRobot:
 
     def require(self) -> None:
         """Raises SimError, BridgeError: something that cannot be, before anything is started."""
+        if problem := folder_problem(self.bags, FREE_BYTES):
+            raise StackError(f"{problem}: choose another folder for the bags")
         require_face(self.face)
         parse_board(self.board)
         require_actuators(self.actuators)

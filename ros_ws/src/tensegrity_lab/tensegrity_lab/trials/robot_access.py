@@ -22,15 +22,13 @@ from tensegrity_lab.session_data.folder import LIBRARY, LOGS, SessionFolder
 from tensegrity_lab.session_data.ledger_line import Line
 from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
-from tensegrity_lab.stack.virtual_stack import VirtualRobot
+from tensegrity_lab.stack.virtual_stack import FREE_BYTES, VirtualRobot
 
 ROLL_LIMIT_S = 150.0
 """Robot time that one roll may take, all motions and all settlings."""
 CALM_LIMIT_S = 60.0
 """Robot time within which the robot is seen at rest."""
 SILENT_S = 3.0
-FREE_BYTES = 200_000_000
-"""Room on the disk without which no trial begins."""
 
 
 @dataclass(frozen=True)

@@ -20,6 +20,7 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from rclpy.signals import SignalHandlerOptions
 
 from sim_core.errors import SimError
+from sim_core.printable import replace_what_cannot_be_shown
 from tensegrity_robot.ros.discovery import set_discovery
 from tensegrity_robot.ros.errors import StartError
 
@@ -52,6 +53,7 @@ def run(make_node: Callable[[EndProcess], Any], args: list[str] | None = None) -
     second one disturbs no clean-up. Beside rclpy's own methods the node has `halt`, which stops whatever moves at once, while
     callbacks may still run, and `close`, which lets go of files, ports and threads when none runs any more.
     """
+    replace_what_cannot_be_shown()
     set_discovery()
     ends: SimpleQueue[int] = SimpleQueue()  # its put may be called from a signal handler
     for number in (signal.SIGINT, signal.SIGTERM):
