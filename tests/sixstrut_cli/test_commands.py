@@ -266,7 +266,8 @@ def test_the_kinds_of_files_are_told_apart():
 @pytest.mark.parametrize(
     "line",
     [
-        "roll --picture HERE/x.png", "climb -o HERE/x.yaml", "robustness robust --csv HERE", "robustness robust --picture HERE/x.png",
+        "roll --picture HERE/x.png", "climb -o HERE/x.yaml", "robustness robust --csv HERE",
+        "robustness robust --picture HERE/x.png",
         "robustness robust --odds HERE/x.yaml", "search -o HERE/x.yaml", "parameters --picture HERE/x.png",
         "parameters --export json -o HERE/x.json", "export urdf HERE/x.urdf", "calibrate-model -o HERE/x.yaml", "validate -o HERE",
         "demo --bags HERE", "travel 1,1 -o HERE", "travel --study 1 -o HERE", "console --virtual --bags HERE", "campaign HERE/new",
