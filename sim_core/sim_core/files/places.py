@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where files can be written: looked at before anything is computed, and a place for what belongs in a home that is none."""
 
+import fcntl
 import os
 import shutil
 import stat
@@ -12,14 +13,22 @@ from pathlib import Path
 LEAST_BYTES = 1_000_000
 
 
-def folder_problem(folder: Path, needed_bytes: int = LEAST_BYTES) -> str:
-    """Why nothing can be written into a folder, or where it will be made; empty: it can, and there is room. Leaves no trace."""
+def folder_problem(folder: Path, needed_bytes: int = LEAST_BYTES, locks: bool = False) -> str:
+    """Why nothing can be written into a folder, or where it will be made; empty: it can, and there is room. Leaves no trace.
+
+    Args:
+        folder: may not exist yet.
+        needed_bytes: of room.
+        locks: files in it will be locked, which some network file systems cannot.
+    """
     there = folder
     try:
         there = folder.absolute()
         while not os.path.lexists(there) and there != there.parent:
             there = there.parent
-        with tempfile.TemporaryFile(dir=there):
+        with tempfile.TemporaryFile(dir=there) as file:
+            if locks:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
             free = shutil.disk_usage(there).free
     except OSError as error:
         where = "" if there == folder else f" ({there})"

@@ -134,7 +134,7 @@ def check_calibration(path: Path | None, real: bool) -> Finding:
 
 def check_folder(what: str, folder: Path, needed_bytes: int, variable: str) -> Finding:
     """Whether a folder, or the one that it will be made in, can be written and has room."""
-    if problem := folder_problem(folder, needed_bytes):
+    if problem := folder_problem(folder, needed_bytes, locks=True):
         return Finding(what, Health.MEND, problem, f"make it writable, make room, or choose another folder with {variable}")
     there = next(place for place in (folder, *folder.parents) if place.exists())
     free = shutil.disk_usage(there).free

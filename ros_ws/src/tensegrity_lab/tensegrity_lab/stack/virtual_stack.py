@@ -81,7 +81,7 @@ class VirtualRobot:
 
     def require(self) -> None:
         """Raises SimError, BridgeError: something that cannot be, before anything is started."""
-        if problem := folder_problem(self.bags, FREE_BYTES):
+        if problem := folder_problem(self.bags, FREE_BYTES, locks=True):
             raise StackError(f"{problem}: choose another folder for the bags")
         require_face(self.face)
         parse_board(self.board)

@@ -99,7 +99,7 @@ def run(asked: TrialRequest) -> int:
     if asked.hardware.calibration:
         load_calibration(asked.hardware.calibration)
     path = asked.session or _new_path(asked)
-    if not asked.plan_only and (problem := folder_problem(path)):
+    if not asked.plan_only and (problem := folder_problem(path, locks=True)):
         raise SessionError(f"{problem}: give another folder for the session")
     begun = None if is_session(path) else _planned(asked, path, console)
     path.mkdir(parents=True, exist_ok=True)  # not before the plan is valid
