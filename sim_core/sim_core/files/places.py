@@ -11,6 +11,8 @@ from functools import cache
 from pathlib import Path
 
 LEAST_BYTES = 1_000_000
+LONGEST_PARENT = 50
+"""Bytes; what comes below has some 40."""
 
 
 def folder_problem(folder: Path, needed_bytes: int = LEAST_BYTES, locks: bool = False) -> str:
@@ -47,13 +49,25 @@ def writable_folder(below_home: str, *wanted: Path | str | None) -> Path:
         if folder and not folder_problem(Path(folder)):
             return Path(folder)
     problem = home_problem(below_home)
-    return _private(problem) / below_home if problem else Path.home() / below_home
+    if not problem:
+        return Path.home() / below_home
+    if not _private.cache_info().currsize:
+        told = f"{problem}: caches, logs and state are kept in {_private()}, which is emptied now and then"
+        print(told, file=sys.stderr)
+    return _private() / below_home
 
 
 def cache_folder(name: str, *wanted: Path | str | None) -> Path:
     """For what can be made again: as `writable_folder`, in the user's cache."""
     cache_home = os.environ.get("XDG_CACHE_HOME")
     return writable_folder(f".cache/sixstrut/{name}", *wanted, cache_home and Path(cache_home) / "sixstrut" / name)
+
+
+def temporary_parent() -> str:
+    """A folder for temporary ones that hold sockets, whose paths have at most 107 bytes: the usual one, if it is not too deep."""
+    places = (tempfile.gettempdir(), os.environ.get("XDG_RUNTIME_DIR"), "/tmp", "/var/tmp", "/dev/shm")
+    short = [place for place in places if place and len(os.fsencode(place)) <= LONGEST_PARENT]
+    return next((place for place in short if os.access(place, os.W_OK | os.X_OK)), places[0])
 
 
 def home_problem(below_home: str) -> str:
@@ -66,13 +80,11 @@ def home_problem(below_home: str) -> str:
 
 
 @cache
-def _private(problem: str) -> Path:
+def _private() -> Path:
     """Below the folder for temporary files: this user's, whoever comes first."""
-    folder = Path(tempfile.gettempdir()) / f"sixstrut-{os.geteuid()}"
+    folder = Path(temporary_parent()) / f"sixstrut-{os.geteuid()}"
     folder.mkdir(mode=0o700, exist_ok=True)
     status = folder.lstat()
     if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.geteuid() or status.st_mode & 0o022:
-        folder = Path(tempfile.mkdtemp(prefix="sixstrut-"))
-    if not _private.cache_info().currsize:
-        print(f"{problem}: caches, logs and state are kept in {folder}, which is emptied now and then", file=sys.stderr)
+        folder = Path(tempfile.mkdtemp(prefix="sixstrut-", dir=temporary_parent()))
     return folder

@@ -14,7 +14,7 @@ from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.calibration.calibration_file import Unfinished, load_calibration, write_calibration
 from hardware_bridge.virtual_prototype.boards.registry import emulate
 from sim_core.names import STRUT_NAMES
-from tensegrity_lab.commissioning.checks import Health, check_calibration, check_folder, check_network
+from tensegrity_lab.commissioning.checks import Health, check_calibration, check_folder, check_home, check_network
 from tensegrity_lab.commissioning.port_checks import check_bluetooth, check_port
 from tests.hardware_bridge.conftest import Running
 from tests.hardware_bridge.helpers import Wire
@@ -165,12 +165,12 @@ def test_calibrations_good_broken_and_unfinished(tmp_path):
 
 
 def test_a_full_disk_and_a_folder_that_is_none(tmp_path):
-    assert check_folder("bags", tmp_path / "bags" / "deep", 1).health is Health.FINE
-    full = check_folder("bags", tmp_path, 10**18)
+    assert check_folder("bags", tmp_path / "bags" / "deep", 1, "X").health is Health.FINE
+    full = check_folder("bags", tmp_path, 10**18, "X")
     assert full.health is Health.MEND
     assert "make room" in full.mend
     (tmp_path / "file").write_text("")
-    assert check_folder("bags", tmp_path / "file" / "bags", 1).health is Health.MEND
+    assert check_folder("bags", tmp_path / "file" / "bags", 1, "X").health is Health.MEND
 
 
 def test_a_wider_network_is_told(monkeypatch):
@@ -189,3 +189,15 @@ def test_the_ports_far_end_gone_is_no_traceback(tmp_path):
     result = doctor(tmp_path, "--port", name)
     assert result.returncode == 4
     assert "Traceback" not in result.stderr
+
+
+def test_a_network_that_cannot_work_and_a_home_that_is_none_are_to_be_mended(monkeypatch, tmp_path):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    finding = check_network()
+    assert (finding.health, finding.told) == (Health.MEND, "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF: no node finds another")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert check_home().health is Health.FINE
+    (tmp_path / ".ros").touch()  # as a folder that another user made there
+    assert check_home().health is Health.MEND
+    monkeypatch.setenv("HOME", "nowhere")
+    assert check_home().told == "HOME is 'nowhere': a temporary folder is used"

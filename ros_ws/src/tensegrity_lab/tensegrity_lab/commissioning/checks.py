@@ -18,8 +18,8 @@ from hardware_bridge.prototype_client import handshake as virtual_port
 from hardware_bridge.prototype_client.handshake import default_link
 from hardware_bridge.recording.session_bag import bag_folder
 from hardware_bridge.saved_state.state_file import state_directory
-from sim_core.files.places import folder_problem
-from tensegrity_robot.ros.discovery import PROFILES, RANGE
+from sim_core.files.places import folder_problem, home_problem
+from tensegrity_robot.ros.discovery import PROFILES, RANGE, installed_middlewares, network_choices, network_problem
 
 FREE_NEEDED_BYTES = 1_000_000_000
 """An hour's session is some 300 MB, and it is written twice while it is finished."""
@@ -70,6 +70,7 @@ def examine(port: str, board: Board, baud: int, calibration: Path | None) -> Ite
     else:
         yield Finding("port", Health.SKIPPED, "none given, and no virtual prototype runs", "give --port, or start a prototype")
     yield check_calibration(calibration, real=bool(port) and not virtual)
+    yield check_home()
     yield check_folder("bags", bag_folder(""), FREE_NEEDED_BYTES, "SIXSTRUT_BAGS")
     yield check_folder("state", state_directory(), 1_000_000, "SIXSTRUT_STATE_DIR")
     yield check_network()
@@ -132,6 +133,15 @@ def check_calibration(path: Path | None, real: bool) -> Finding:
     return Finding(what, Health.MEND, f"{told}: where its struts are and how long they ran is forgotten at each start", mend)
 
 
+def check_home() -> Finding:
+    """Whether caches, logs and state can be kept from one start to the next."""
+    for below in (".cache/sixstrut", ".ros/log", ".local/state/sixstrut"):
+        if problem := home_problem(below):
+            mend = "export HOME=FOLDER, one of yours; or make it yours again: sudo chown -R $USER FOLDER"
+            return Finding("home", Health.MEND, f"{problem}: a temporary folder is used", mend)
+    return Finding("home", Health.FINE, str(Path.home()))
+
+
 def check_folder(what: str, folder: Path, needed_bytes: int, variable: str) -> Finding:
     """Whether a folder, or the one that it will be made in, can be written and has room."""
     if problem := folder_problem(folder, needed_bytes, locks=True):
@@ -144,7 +154,13 @@ def check_folder(what: str, folder: Path, needed_bytes: int, variable: str) -> F
 
 
 def check_network() -> Finding:
-    """Who may find the robot. A wider network is a choice, so it is told and not mended."""
+    """Whether nodes find each other, and who may find the robot. A wider network is a choice, so it is told and not mended."""
+    problem, mend = network_problem(os.environ, installed_middlewares())
+    if problem:
+        return Finding("network", Health.MEND, problem, mend)
+    if os.environ.get("ROS_DISCOVERY_SERVER"):
+        told, mend = f"by {network_choices(os.environ)}", "start that discovery server first, or unset ROS_DISCOVERY_SERVER"
+        return Finding("network", Health.FINE, f"{told}: nodes find each other only through a server that runs", mend)
     asked = os.environ.get(RANGE, "LOCALHOST")
     if asked != "LOCALHOST" or os.environ.get("ROS_STATIC_PEERS"):
         return Finding("network", Health.FINE, f"by your choice other machines may find and command the robot ({RANGE}={asked})")

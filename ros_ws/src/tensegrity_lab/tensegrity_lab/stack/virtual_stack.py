@@ -15,7 +15,7 @@ from typing import Any
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
 from sim_core.dynamics.actuators import require_actuators
-from sim_core.files.places import folder_problem
+from sim_core.files.places import folder_problem, temporary_parent
 from sim_core.gaits.library import load_library
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.topology import require_face
@@ -172,7 +172,8 @@ def running(
     """
     robot.require()
     robot.bags.mkdir(parents=True, exist_ok=True)
-    with private_domain(domain) as own, tempfile.TemporaryDirectory(prefix=f"sixstrut-{name}-") as folder:
+    scratch = tempfile.TemporaryDirectory(prefix=f"sixstrut-{name}-", dir=temporary_parent())
+    with private_domain(domain) as own, scratch as folder:
         told(robot.describe)
         told(own.describe)
         robot.compile()

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
 from hardware_bridge.prototype_client.observer_client import ObserverClient
+from sim_core.files.places import temporary_parent
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from tensegrity_lab.errors import SessionError, StackError, granted
@@ -122,7 +123,7 @@ class RobotAccess:
 
     def _start_prototype(self, stack: Stack, face: str) -> tuple[str, Handshake]:
         settings, hardware = self._session.settings, self._hardware
-        self._links = Path(tempfile.mkdtemp(prefix="sixstrut-trial-"))  # short: a socket's path has at most 107 bytes
+        self._links = Path(tempfile.mkdtemp(prefix="sixstrut-trial-", dir=temporary_parent()))
         link = self._links / "prototype"
         robot = VirtualRobot(face, settings.seed, settings.perturbation, hardware.time_scale, hardware.board, settings.actuators)
         return str(link), robot.start_prototype(stack, link)

@@ -21,7 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from sim_core.errors import SimError
 from sim_core.printable import replace_what_cannot_be_shown
-from tensegrity_robot.ros.discovery import set_discovery
+from tensegrity_robot.ros.discovery import require_network, set_discovery
 from tensegrity_robot.ros.errors import StartError
 
 EndProcess = Callable[[int], None]
@@ -38,9 +38,18 @@ def age_s() -> float:
 
 
 def own_context(domain: int | None = None) -> Context:
-    """ROS in a program that is no node: a context of its own, and signals stay the program's. `domain`: None: the shell's."""
+    """ROS in a program that is no node: a context of its own, and signals stay the program's.
+
+    Args:
+        domain: of ROS; None: the shell's.
+
+    Raises:
+        StartError: ROS does not start here.
+    """
     if domain is None:
         set_discovery()
+    else:
+        require_network()
     context = Context()
     rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
     return context
@@ -54,12 +63,12 @@ def run(make_node: Callable[[EndProcess], Any], args: list[str] | None = None) -
     callbacks may still run, and `close`, which lets go of files, ports and threads when none runs any more.
     """
     replace_what_cannot_be_shown()
-    set_discovery()
     ends: SimpleQueue[int] = SimpleQueue()  # its put may be called from a signal handler
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ends.put(0))
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
+        set_discovery()
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node(ends.put)
     except (StartError, SimError) as error:
         print(f"error: {error}", file=sys.stderr)
