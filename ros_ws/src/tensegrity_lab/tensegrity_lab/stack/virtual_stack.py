@@ -2,6 +2,7 @@
 """A whole stack on a virtual prototype: its processes, started together. For demo, travel and console."""
 
 import os
+import re
 import sys
 import tempfile
 import time
@@ -27,6 +28,8 @@ from tensegrity_lab.terminal.leaving import uninterrupted
 
 FREE_BYTES = 200_000_000
 """Room on the disk without which no robot is started: with less the bridge refuses motions."""
+_RECORDING = re.compile(r", recording (.+\.mcap); ")
+"""As `hardware_bridge_node` says it."""
 START_LIMIT_S = 180.0
 """The first time on a machine its kernels are compiled."""
 
@@ -55,6 +58,13 @@ def start_prototype(stack: Stack, link: Path, words: Mapping[str, object]) -> Ha
 
     wait_until(ready, START_LIMIT_S, "the virtual prototype's port", stack)
     return found[0]
+
+
+def recorded_bag(stack: Stack) -> Path | None:
+    """What the newest bridge of a stack recorded, by its log: on a busy computer its word of it may not be heard. None: nothing."""
+    logs = sorted(stack.folder.glob("hardware_bridge*.log"), key=lambda log: log.stat().st_mtime)
+    told = _RECORDING.findall(logs[-1].read_text(encoding="utf-8", errors="replace")) if logs else []
+    return Path(told[-1]) if told else None
 
 
 @dataclass(frozen=True)
