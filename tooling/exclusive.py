@@ -37,7 +37,7 @@ def _open_locked(path: Path) -> int:
         except OSError as error:
             remedy = "let whoever it belongs to run ./sixstrut setup with a Python that you may run too, or clone it for yourself"
             raise SetupError(
-                f"{path.parents[1]} is not set up for you, and you cannot write there ({error.strerror}): {remedy}"
+                f"{path.parents[1]} is not set up for this, and you cannot write there ({error.strerror}): {remedy}"
             ) from None
         try:
             try:

@@ -53,7 +53,7 @@ def test_the_message_names_the_process(tmp_path: Path):
 def test_another_users_checkout_that_is_not_ready_is_told(tmp_path: Path):
     (tmp_path / "file").touch()  # stands for a folder that is another's: to root, no folder is
     with (
-        pytest.raises(SetupError, match=r"is not set up for you, .* clone it for yourself"),
+        pytest.raises(SetupError, match=r"is not set up for this, .* clone it for yourself"),
         exclusive(tmp_path / "file" / "s" / "lock"),
     ):
         pass

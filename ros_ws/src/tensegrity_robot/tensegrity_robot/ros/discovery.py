@@ -19,11 +19,6 @@ PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"
 FAST_DDS = "rmw_fastrtps_cpp"
 RANGES = ("LOCALHOST", "SUBNET", "OFF", "SYSTEM_DEFAULT")
-ALL = (
-    DOMAIN, RANGE, PEERS, "ROS_LOCALHOST_ONLY", "ROS_DISCOVERY_SERVER", "ROS_SUPER_CLIENT", MIDDLEWARE, PROFILES,
-    "FASTDDS_DEFAULT_PROFILES_FILE", "FASTDDS_ENVIRONMENT_FILE", TRANSPORTS, "CYCLONEDDS_URI", "ROS_SECURITY_ENABLE",
-)  # fmt: skip
-"""What decides which nodes find each other."""
 
 
 def discovery_changes(environ: Mapping[str, str], profile: Path) -> dict[str, str]:
@@ -69,11 +64,6 @@ def network_problem(environ: Mapping[str, str], middlewares: Sequence[str]) -> t
         except OSError as error:
             return f"{PEERS}: {peer} is not known ({error.strerror})", f"unset {PEERS}, or give addresses with ; between"
     return "", ""
-
-
-def network_choices(environ: Mapping[str, str]) -> str:
-    """The variables that are set and decide who finds whom, for people; empty: none is."""
-    return ", ".join(f"{name}={environ[name]}" for name in ALL if environ.get(name))
 
 
 def installed_middlewares() -> Sequence[str]:

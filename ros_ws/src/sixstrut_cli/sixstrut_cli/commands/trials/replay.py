@@ -149,7 +149,6 @@ def _whole(
 
     if picture is None and not as_json:
         picture = (Path() if folder_problem(bag.parent) else bag.parent) / f"{bag.stem}_replay.png"
-        writable(picture)
     drives = require_actuators(actuators)
     session = read_session(bag, topics=TOPICS)
     if not (changes or compare):
