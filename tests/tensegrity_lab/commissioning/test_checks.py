@@ -210,7 +210,7 @@ def test_a_busy_computer_and_a_terminal_without_arrows_are_told_and_are_no_fault
     monkeypatch.setattr("sys.stdout", io.TextIOWrapper(io.BytesIO(), encoding="latin-1"))
     finding = check_computer()
     assert finding.health is Health.FINE
-    assert finding.told.startswith("1 processor; the terminal's encoding is latin-1: letters that it lacks are shown as ?")
+    assert finding.told.startswith("1 processor; the terminal's encoding is latin-1: letters that it lacks become others, or ?")
     assert finding.told.endswith("this computer is busy (load 9.0 on 1 processors)")
     assert "--real-time" in finding.mend
 

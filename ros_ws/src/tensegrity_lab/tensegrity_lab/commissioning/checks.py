@@ -144,7 +144,7 @@ def check_computer() -> Finding:
     encoding = str(getattr(sys.stdout, "encoding", None) or "utf-8")
     told = f"{processors} processor{'s' if processors > 1 else ''}"
     if not encoding.lower().startswith("utf"):
-        told += f"; the terminal's encoding is {encoding}: letters that it lacks are shown as ? (export LC_ALL=C.UTF-8)"
+        told += f"; the terminal's encoding is {encoding}: letters that it lacks become others, or ? (export LC_ALL=C.UTF-8)"
     if busy := busy_text():  # now; it may pass
         return Finding("computer", Health.FINE, f"{told}; {busy}", "end what else runs, or use --real-time or a low --time-scale")
     return Finding("computer", Health.FINE, told)

@@ -224,7 +224,7 @@ class _Run:
         lab = RobotAccess(folder, replace(asked.hardware, observed=self._automatic), lock, *domain.locks)
         try:
             with ExitStack() as stack:
-                terminal = sys.stdout.isatty()
+                terminal = self._console.is_terminal and not self._console.is_dumb_terminal
                 keys, panel = None, Panel(self._kind, terminal)
                 if sys.stdin.isatty():
                     remote = stack.enter_context(closing(Remote()))
