@@ -130,3 +130,11 @@ def test_a_node_that_could_find_nobody_ends_with_a_line_that_names_the_variable(
 def test_a_node_without_a_home_keeps_its_logs_in_a_temporary_folder(processes, tmp_path):
     node = processes.node("twin", environ={"HOME": "relative", "ROS_LOG_DIR": "", "ROS_HOME": ""})
     node.says("caches, logs and state are kept in")
+
+
+@pytest.mark.ros
+def test_ros_that_does_not_start_for_another_reason_names_what_is_set(processes):
+    node = processes.node("gait_planner", environ={"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"})
+    assert node.ends() == 1
+    assert "error: ROS does not start: " in node.output
+    assert "ROS_SECURITY_ENABLE, ROS_SECURITY_STRATEGY" in node.output

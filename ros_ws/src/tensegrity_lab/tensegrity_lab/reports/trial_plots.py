@@ -21,7 +21,7 @@ from tensegrity_lab.reports.figure import (
     draw_rates,
     new_figure,
     picture_file,
-)
+)  # fmt: skip
 from tensegrity_lab.reports.success_statistics import Calibration
 from tensegrity_lab.reports.trial_analysis import Group
 

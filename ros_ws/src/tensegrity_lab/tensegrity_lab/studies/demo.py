@@ -31,8 +31,6 @@ LONGEST_REST_S = 700.0
 """Robot time after which the bridge's duty window is past."""
 ROLL_LIMIT_S = 90.0
 """Robot time that one roll may take, both motions and both settlings."""
-CALM_LIMIT_S = 60.0
-"""Robot time within which the robot is seen at rest."""
 MISSES_ALLOWED = 3
 CONSOLE_LIMIT_S = 60.0
 
@@ -51,10 +49,7 @@ class Demo:
         self._done = self._tries = self._mirrors = 0
 
     def run(self) -> int:
-        """Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not.
-
-        Raises StackError: something did not come in time; what was recorded until then is told before.
-        """
+        """Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not. Raises StackError at the end."""
         signal.signal(signal.SIGTERM, _interrupt)
         show, stopped, stack = self._console.print, False, None
         trouble: StackError | None = None
@@ -116,7 +111,7 @@ class Demo:
             self._console.print(f"      arming again: {operator.bridge.reason}")
             self._arm(operator, [])
         with self._console.status("waiting for rest"):
-            operator.wait(operator.rests, "rest, as the observer sees it,", 30.0 + CALM_LIMIT_S / self._robot.time_scale)
+            operator.wait(operator.rests, "rest, as the observer sees it,", 30.0 + ROLL_LIMIT_S / self._robot.time_scale)
         operator.sent.clear()  # what was needed of it is known
         return str(operator.observed.face)
 

@@ -17,10 +17,11 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from sim_core.errors import SimError
-from sim_core.printable import replace_what_cannot_be_shown
+from sim_core.printable import printable, replace_what_cannot_be_shown
 from tensegrity_robot.ros.discovery import require_network, set_discovery
 from tensegrity_robot.ros.errors import StartError
 
@@ -38,21 +39,22 @@ def age_s() -> float:
 
 
 def own_context(domain: int | None = None) -> Context:
-    """ROS in a program that is no node: a context of its own, and signals stay the program's.
+    """ROS in a program that is no node: a context of its own, and signals stay the program's. Raises StartError.
 
-    Args:
-        domain: of ROS; None: the shell's.
-
-    Raises:
-        StartError: ROS does not start here.
+    Args: domain: None: the shell's, found as nodes find each other.
     """
-    if domain is None:
-        set_discovery()
-    else:
-        require_network()
+    (set_discovery if domain is None else require_network)()
     context = Context()
-    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.RCLError as error:
+        raise StartError(_unstarted(error)) from error
     return context
+
+
+def _unstarted(error: Exception) -> str:
+    names = sorted(name for name in os.environ if name.startswith(("ROS_", "RMW_", "FASTRTPS_", "FASTDDS_", "CYCLONEDDS_")))
+    return f"ROS does not start: {printable(error)}; look at what is set: {', '.join(names)}"
 
 
 def run(make_node: Callable[[EndProcess], Any], args: list[str] | None = None) -> int:
@@ -70,8 +72,8 @@ def run(make_node: Callable[[EndProcess], Any], args: list[str] | None = None) -
         set_discovery()
         rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node(ends.put)
-    except (StartError, SimError) as error:
-        print(f"error: {error}", file=sys.stderr)
+    except (StartError, SimError, rclpy_implementation.RCLError) as error:
+        print(f"error: {_unstarted(error) if isinstance(error, RuntimeError) else error}", file=sys.stderr)
         rclpy.try_shutdown()
         return 1
     executor = SingleThreadedExecutor()
