@@ -273,3 +273,18 @@ def test_interrupted_in_mid_roll_the_trial_is_void_and_the_bag_closed(tmp_path):
     (bag,) = bags_of(tmp_path / "s")
     (line,) = lines_in_bag(bag)
     assert line.outcome is Outcome.VOID
+
+
+@pytest.mark.slow
+@pytest.mark.ros
+@pytest.mark.timeout(300)
+def test_a_dumb_latin_1_terminal_is_asked_in_lines(tmp_path):
+    words = ("trial", str(tmp_path / "s"), "--by-hand", *PLAN, *VIRTUAL)
+    person = Terminal(*words, folder=tmp_path, environ={"TERM": "dumb", "PYTHONIOENCODING": "latin-1"})
+    try:
+        person.says("[Enter arm", limit_s=200)
+        assert "\x1b" not in person.text
+        person.press("q")
+        assert person.ends() == 130
+    finally:
+        person.close()

@@ -42,7 +42,7 @@ WRONG = [
     ({"board": "arduino"}, "board is 'arduino', valid is lsc"),
     ({"library": "nonesuch"}, "shipped are:"),
     ({"calibration": "/nowhere.yaml"}, "calibration /nowhere.yaml: cannot be read"),
-    ({"bags": "/proc/bags"}, "bags:=/proc/bags cannot be made"),
+    ({"bags": "/proc/bags"}, "bags:=/proc/bags cannot be written"),
     ({"rviz": "yes"}, "rviz:=yes: valid is true or false"),
     ({"rviz": "true"}, "rviz:=true, but rviz2 is not installed"),
 ]

@@ -97,6 +97,7 @@ class StackClient:
         self.rehearsal: Any = None
         self.heard = 0.0
         self.sent: list[Any] = []
+        self._wrote_seq = 0
         self.diagnostics: dict[str, Any] = {}
         self.feedback: list[str] = []
         self.asked_ns = 0
@@ -111,7 +112,7 @@ class StackClient:
         topics.REHEARSAL.subscribe(node, keep("rehearsal"))
         self._events = events
         if events:
-            topics.STRUTS_SENT.subscribe(node, lambda sent: self._live.takes(sent, self.sent.append), EVENTS)
+            topics.STRUTS_SENT.subscribe(node, lambda sent: self._live.takes(sent, self._on_sent), EVENTS)
             topics.DIAGNOSTICS.subscribe(node, self._on_diagnostics)
         self._proof = topics.LEASE.publisher(node)
         node.create_timer(0.2, self._prove)
@@ -144,6 +145,11 @@ class StackClient:
 
     def _on_twin(self, state: TwinState) -> None:
         self.twin = state
+
+    def _on_sent(self, message: Any) -> None:
+        self.sent.append(message)
+        if not message.heartbeat:
+            self._wrote_seq = message.seq
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self.diagnostics.update({status.name: status for status in message.status})
@@ -217,8 +223,11 @@ class StackClient:
 
     def is_quiet(self) -> bool:
         """The last that was seen of the robot is that it rests, and nothing was written since."""
-        writes = [message.seq for message in self.sent if not message.heartbeat]
-        return bool(self.observed.settled and self.observed.face and (not writes or self.observed.seq > writes[-1]))
+        return bool(self.rests() and self.observed.face)
+
+    def rests(self) -> bool:
+        """The same, wherever it rests: on no face as well."""
+        return bool(self.observed.settled and self.observed.seq > self._wrote_seq)
 
     def sees(self, state: str, limit_s: float = 30.0) -> None:
         """Wait for a state of the bridge."""

@@ -12,6 +12,7 @@ from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.recording.session_bag import bag_folder
 from sim_core.errors import SimError
+from sim_core.files.places import folder_problem
 from sim_core.gaits.library import load_library
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.structure.topology import require_face
@@ -103,12 +104,9 @@ def _number(given: Mapping[str, str], name: str, low: float, high: float) -> flo
 
 
 def _require_bags(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StartError(f"bags:={folder} cannot be made ({error.strerror}): give a folder that can be written") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise StartError(f"bags:={folder} cannot be written: give another folder")
+    if problem := folder_problem(folder, locks=True):
+        raise StartError(f"bags:={problem}: give another folder")
+    folder.mkdir(parents=True, exist_ok=True)
 
 
 def _require_rviz(prefix_of: Callable[[str], str]) -> None:

@@ -17,10 +17,12 @@ from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
 from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.signals import SignalHandlerOptions
 
 from sim_core.errors import SimError
-from tensegrity_robot.ros.discovery import set_discovery
+from sim_core.printable import printable, replace_what_cannot_be_shown
+from tensegrity_robot.ros.discovery import require_network, set_discovery
 from tensegrity_robot.ros.errors import StartError
 
 EndProcess = Callable[[int], None]
@@ -37,12 +39,22 @@ def age_s() -> float:
 
 
 def own_context(domain: int | None = None) -> Context:
-    """ROS in a program that is no node: a context of its own, and signals stay the program's. `domain`: None: the shell's."""
-    if domain is None:
-        set_discovery()
+    """ROS in a program that is no node: a context of its own, and signals stay the program's. Raises StartError.
+
+    Args: domain: None: the shell's, found as nodes find each other.
+    """
+    (set_discovery if domain is None else require_network)()
     context = Context()
-    rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    try:
+        rclpy.init(context=context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
+    except rclpy_implementation.RCLError as error:
+        raise StartError(_unstarted(error)) from error
     return context
+
+
+def _unstarted(error: Exception) -> str:
+    names = sorted(name for name in os.environ if name.startswith(("ROS_", "RMW_", "FASTRTPS_", "FASTDDS_", "CYCLONEDDS_")))
+    return f"ROS does not start: {printable(error)}; look at what is set: {', '.join(names)}"
 
 
 def run(make_node: Callable[[EndProcess], Any], args: list[str] | None = None) -> int:
@@ -52,15 +64,16 @@ def run(make_node: Callable[[EndProcess], Any], args: list[str] | None = None) -
     second one disturbs no clean-up. Beside rclpy's own methods the node has `halt`, which stops whatever moves at once, while
     callbacks may still run, and `close`, which lets go of files, ports and threads when none runs any more.
     """
-    set_discovery()
+    replace_what_cannot_be_shown()
     ends: SimpleQueue[int] = SimpleQueue()  # its put may be called from a signal handler
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ends.put(0))
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
+        set_discovery()
+        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
         node = make_node(ends.put)
-    except (StartError, SimError) as error:
-        print(f"error: {error}", file=sys.stderr)
+    except (StartError, SimError, rclpy_implementation.RCLError) as error:
+        print(f"error: {_unstarted(error) if isinstance(error, RuntimeError) else error}", file=sys.stderr)
         rclpy.try_shutdown()
         return 1
     executor = SingleThreadedExecutor()

@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperCommand
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, wrote
+from sixstrut_cli.outputs import announce, output_folder, wrote
 
 
 class _Greedy(TyperCommand):
@@ -53,8 +53,8 @@ def command(
 
     sessions = options.given_or(newest_session, sessions)
     words = ["./sixstrut", "report", *map(str, sessions), *(word for path in against or [] for word in ("--against", str(path)))]
+    folder = output_folder("report", output or sessions[0] / "report")
     report = TrialReport(sessions, against or [], shlex.join(words))
-    page = report.write(output or sessions[0] / "report")
     typer.echo(summary_of(report))
-    wrote(page)
+    wrote(report.write(folder))
     typer.echo("tables and pictures are beside it")
