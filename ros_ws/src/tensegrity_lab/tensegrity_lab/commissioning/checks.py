@@ -16,7 +16,7 @@ from hardware_bridge.calibration.calibration_file import Unfinished, load_calibr
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.prototype_client import handshake as virtual_port
 from hardware_bridge.prototype_client.handshake import default_link
-from hardware_bridge.recording.session_bag import bag_folder
+from hardware_bridge.recording.session_bag import bag_folder, journals_in
 from hardware_bridge.saved_state.state_file import state_directory
 from tensegrity_robot.ros.discovery import PROFILES, RANGE
 
@@ -142,7 +142,7 @@ def check_folder(what: str, folder: Path, needed_bytes: int) -> Finding:
     if free < needed_bytes:
         told = f"{free / 1e9:.2f} GB free for {folder}, {needed_bytes / 1e9:g} GB are needed"
         return Finding(what, Health.MEND, told, "make room: remove old bags, or choose another disk with SIXSTRUT_BAGS")
-    journals = sorted(folder.glob("*.mcap.journal")) if folder.is_dir() else []
+    journals = journals_in(folder)
     left = f"; {len(journals)} unfinished bags, which the next bridge mends" if journals else ""
     return Finding(what, Health.FINE, f"{folder}, {free / 1e9:.1f} GB free{left}")
 
