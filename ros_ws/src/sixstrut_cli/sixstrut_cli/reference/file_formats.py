@@ -67,8 +67,8 @@ whoever reads it says so once, and uses it."""
 
 BAG = """\
 A session's bag is a folder `session_TIME` with `session_TIME.mcap` and rosbag2's `metadata.yaml`, so `ros2 bag info` and `play`
-take it; commands here take the folder, the file alone, and the single files of older versions. While the session lives, and after it
-was cut short, there is `session_TIME.mcap.journal` instead, of which the bridge makes the bag at its end or at its next start.
+take it; commands here take the folder, the file alone, and the single files of older versions. While the session lives, and after
+it was cut short, there is `session_TIME.mcap.journal` instead, of which the bridge makes the bag at its end or at its next start.
 
 MCAP with ROS 2 messages (`ros2msg`, `cdr`). Topics are under `/recorded/`, names that no live node listens to, so playing a bag
 moves nothing; which topics, is in the [interfaces](interfaces.md). Attached are the library, the prototype and the calibration of
