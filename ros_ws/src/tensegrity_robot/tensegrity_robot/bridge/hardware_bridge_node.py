@@ -41,6 +41,7 @@ from tensegrity_robot.bridge.session_facts import session_files
 from tensegrity_robot.bridge.shape_judge import ShapeRule
 from tensegrity_robot.ros import conversions
 from tensegrity_robot.ros.errors import StartError
+from tensegrity_robot.ros.node_help import About
 from tensegrity_robot.ros.node_parameters import declare_parameters
 from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
 from tensegrity_robot.ros.topics import BRIDGE_FACE, BRIDGE_JOINT_STATES, BRIDGE_STATE, DIAGNOSTICS, FRAMES, STRUTS_SENT, TWIN_STATE
@@ -374,6 +375,17 @@ class HardwareBridgeNode(LifecycleNode):
         self._topics.publish(DIAGNOSTICS, diagnostics(self.get_fully_qualified_name().lstrip("/"), port, parts, stamp))
 
 
-def main(args: list[str] | None = None) -> int:
+ABOUT = About(
+    name="hardware_bridge",
+    text="sends motions to the servo board within limits, and records all that is sent, heard and seen",
+    settings=BridgeParameters,
+    gives="bridge/struts_sent bridge/joint_states bridge/face bridge/state /diagnostics bridge/asked bridge/observed_joints "
+    "bridge/trial execute_struts() bridge/arm() bridge/disarm() stop() reset() set_face() log_trial()",
+    takes="bridge/state bridge/lease",
+    example="-p port:=/dev/rfcomm0 -p calibration:=/path/to/blue.yaml",
+)
+
+
+def main() -> int:
     """The executable `hardware_bridge`."""
-    return run(HardwareBridgeNode, args)
+    return run(HardwareBridgeNode, ABOUT)

@@ -13,6 +13,7 @@ from queue import SimpleQueue
 from typing import Any
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError, UnknownROSArgsError  # what `rclpy.init` raises has no public name
 from rclpy.clock import Clock
 from rclpy.clock_type import ClockType
 from rclpy.context import Context
@@ -22,6 +23,7 @@ from rclpy.signals import SignalHandlerOptions
 from sim_core.errors import SimError
 from tensegrity_robot.ros.discovery import set_discovery
 from tensegrity_robot.ros.errors import StartError
+from tensegrity_robot.ros.node_help import About
 
 EndProcess = Callable[[int], None]
 """Asks the process to end with an exit code. May be called from any thread."""
@@ -45,22 +47,37 @@ def own_context(domain: int | None = None) -> Context:
     return context
 
 
-def run(make_node: Callable[[EndProcess], Any], args: list[str] | None = None) -> int:
+def _told(error: Exception) -> str:
+    """One line, without places in ROS's source."""
+    what = "ROS does not know the arguments " if isinstance(error, UnknownROSArgsError) else ""
+    return f"error: {what}{str(error).partition(', at /')[0]}"
+
+
+def run(make_node: Callable[[EndProcess], Any], about: About) -> int:
     """Make the node, spin it on a single-threaded executor until SIGINT, SIGTERM or `EndProcess`, end it; return the exit code.
+
+    Where `--help` is asked for, it is printed instead, before ROS starts.
 
     The executor has a thread of its own; the main thread only waits for the end. A signal therefore interrupts no callback, and a
     second one disturbs no clean-up. Beside rclpy's own methods the node has `halt`, which stops whatever moves at once, while
     callbacks may still run, and `close`, which lets go of files, ports and threads when none runs any more.
     """
+    try:
+        if about.asked_for_help(sys.argv):
+            print(about.help())
+            return 0
+    except (StartError, RCLError, UnknownROSArgsError) as error:  # the latter: ROS does not understand its own arguments
+        print(_told(error), file=sys.stderr)
+        return 1
     set_discovery()
     ends: SimpleQueue[int] = SimpleQueue()  # its put may be called from a signal handler
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ends.put(0))
-    rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
     try:
+        rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
         node = make_node(ends.put)
-    except (StartError, SimError) as error:
-        print(f"error: {error}", file=sys.stderr)
+    except (StartError, SimError, RCLError, UnknownROSArgsError) as error:
+        print(_told(error), file=sys.stderr)
         rclpy.try_shutdown()
         return 1
     executor = SingleThreadedExecutor()
