@@ -278,7 +278,8 @@ class HardwareBridgeNode(LifecycleNode):
     def _on_bridge_sent(self, event: SentEvent) -> None:
         header = Header(stamp=conversions.stamp_of(event.wall_ns), frame_id=self._frame)
         self._topics.publish(STRUTS_SENT, bridge_messages.struts_sent(event, header))
-        self._topics.publish(BRIDGE_JOINT_STATES, conversions.joint_states(header.stamp, np.array(event.lengths_m)))
+        lengths_m = np.where(event.known, event.lengths_m, np.nan)
+        self._topics.publish(BRIDGE_JOINT_STATES, conversions.joint_states(header.stamp, lengths_m))
         self._observing.heard(event)
 
     def _on_bridge_face(self, event: FaceEvent) -> None:
