@@ -175,7 +175,9 @@ def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Bag:
             if len(parts) > 1 and (len(bag.messages) > MOST_MESSAGES or sum(len(m.data) for m in bag.messages) > MOST_WANTED):
                 raise BagError(f"{file} {_TOO_LARGE}: give its files one by one")
     except OSError as error:
-        raise BagError(f"cannot read bag {error.filename or file}: {error.strerror}; give a bag's folder, or an .mcap file") from error
+        raise BagError(
+            f"cannot read bag {error.filename or file}: {error.strerror}; give a bag's folder, or an .mcap file"
+        ) from error
     bag.messages.sort(key=lambda message: message.log_time_ns)
     return bag
 

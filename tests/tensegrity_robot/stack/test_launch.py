@@ -173,7 +173,7 @@ def test_all_of_it_is_in_the_namespace_and_so_is_its_prototype(processes_of: Any
         ("blue", "/lab", "prototype-lab-blue"),
     ):
         prototype, *nodes = processes_of(bags=str(tmp_path), namespace=given, pushed={"ros_namespace": outer})
-        assert Path(prototype.cmd[prototype.cmd.index("--link") + 1]).name == f"prototype{link}"
+        assert Path(prototype.cmd[prototype.cmd.index("--link") + 1]).name == link
         assert {node.namespace for node in nodes} == {given.strip("/")}
 
 

@@ -23,9 +23,9 @@ def operators(processes: Any, domain: int, monkeypatch: pytest.MonkeyPatch) -> I
     bridges = []
     for space in NAMESPACES:
         words = ("--ros-args", "-r", f"__ns:=/{space}")
-        processes.node("virtual_prototype", "--link", str(default_link(space)), "--perturbation", "0", "--time-scale", "4")
-        bridges.append(processes.node("hardware_bridge", *words))
-        processes.node("gait_planner", *words)
+        processes.node("virtual_prototype", "--link", str(default_link(space)), "--perturbation", "0", "--time-scale", "2")
+        bridges.append(processes.node("hardware_bridge", *words, lease_silence_s=10.0))
+        processes.node("gait_planner", *words, settle_timeout_s=200.0)  # of robot time, while other tests may keep the machine busy
         processes.node("twin", *words)
     with ExitStack() as ending:
         yield [ending.enter_context(closing(StackClient(domain=domain, events=True, namespace=space))) for space in NAMESPACES]

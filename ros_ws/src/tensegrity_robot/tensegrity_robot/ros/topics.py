@@ -67,9 +67,7 @@ ASKED = Topic("bridge/asked", JointTrajectory, qos.STATES, "bridge", "each accep
 STRUTS_SENT = Topic("bridge/struts_sent", StrutsSent, qos.STREAM, "bridge", "what the board was really sent")
 BRIDGE_FACE = Topic("bridge/face", FaceObservation, qos.FACES, "bridge", "what somebody saw, with its source")
 BRIDGE_STATE = Topic("bridge/state", BridgeState, qos.LATCHED, "bridge", "the bridge's state: on every change, and at 2 Hz")
-BRIDGE_JOINT_STATES = Topic(
-    "bridge/joint_states", JointState, qos.STATES, "bridge", "commanded, never measured; NaN: not known"
-)
+BRIDGE_JOINT_STATES = Topic("bridge/joint_states", JointState, qos.STATES, "bridge", "commanded, never measured; NaN: not known")
 OBSERVED_JOINTS = Topic("bridge/observed_joints", PoseArray, qos.STATES, "bridge", "joints and box, as an observer saw them")
 TRIAL = Topic("bridge/trial", TrialRecord, qos.FACES, "bridge", "trials, as logged")
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray, qos.STATES, "bridge", "the bridge's health, at 1 Hz")
