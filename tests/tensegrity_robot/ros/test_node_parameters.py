@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The shipped parameter files and `--help` say what the nodes are; what a node does not have is refused."""
 
+import re
 import subprocess
 from dataclasses import fields
 from pathlib import Path
@@ -16,6 +17,7 @@ from tensegrity_robot.planner.gait_planner_node import ABOUT as PLANNER
 from tensegrity_robot.planner.gait_planner_node import PlannerParameters
 from tensegrity_robot.planner.traveller_node import ABOUT as TRAVELLER
 from tensegrity_robot.planner.traveller_node import TravellerParameters
+from tensegrity_robot.ros.node_process import VARIABLES
 from tensegrity_robot.twin.twin_node import ABOUT as TWIN
 from tensegrity_robot.twin.twin_node import TwinParameters
 
@@ -99,6 +101,20 @@ def test_what_a_node_does_not_have_is_refused_in_one_line(tmp_path, words, line)
     assert told.returncode == 1
     assert told.stderr.count("\n") == 1
     assert line in told.stderr
+
+
+def test_the_variables_of_the_stack_are_those_that_its_sources_name():
+    root = SOURCES.parents[1]
+    files = [file for folder in ("hardware_bridge", "sim_core", "ros_ws/src", "tooling") for file in (root / folder).rglob("*.py")]
+    texts = [file.read_text(encoding="utf-8") for file in [*files, root / "sixstrut"]]
+    assert set(re.findall(r"SIXSTRUT_[A-Z_]+\b", "\n".join(texts))) == set(VARIABLES)
+
+
+@pytest.mark.ros
+def test_a_variable_s_typo_is_told(processes):
+    process = processes.node("twin", environ={"SIXSTRUT_BAG": "x"})
+    process.says("warning: unknown variable SIXSTRUT_BAG: did you mean SIXSTRUT_BAGS?")
+    process.says(SAYS["twin"])
 
 
 @pytest.mark.ros

@@ -22,8 +22,13 @@ from rclpy.signals import SignalHandlerOptions
 
 from sim_core.errors import SimError
 from tensegrity_robot.ros.discovery import set_discovery
-from tensegrity_robot.ros.errors import StartError
+from tensegrity_robot.ros.errors import StartError, require_known
 from tensegrity_robot.ros.node_help import About
+
+VARIABLES = tuple(
+    f"SIXSTRUT_{name}" for name in ["BAGS", "DEBUG", "PYTHON", "ROOT", "STATE_DIR", "TEST_ALL", "TEST_MINUTES", "TOKEN"]
+)
+"""All that anything here reads."""
 
 EndProcess = Callable[[int], None]
 """Asks the process to end with an exit code. May be called from any thread."""
@@ -69,6 +74,10 @@ def run(make_node: Callable[[EndProcess], Any], about: About) -> int:
     except (StartError, RCLError, UnknownROSArgsError) as error:  # the latter: ROS does not understand its own arguments
         print(_told(error), file=sys.stderr)
         return 1
+    try:
+        require_known("variable", [name for name in os.environ if name.startswith("SIXSTRUT_")], VARIABLES, "It changes nothing")
+    except StartError as error:
+        print(f"warning: {error}", file=sys.stderr)
     set_discovery()
     ends: SimpleQueue[int] = SimpleQueue()  # its put may be called from a signal handler
     for number in (signal.SIGINT, signal.SIGTERM):
