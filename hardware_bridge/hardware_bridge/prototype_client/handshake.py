@@ -52,12 +52,13 @@ class Handshake:
     board: str = "lsc"
 
 
-def default_link() -> Path:
-    """Where the prototype is linked if nobody says otherwise."""
+def default_link(namespace: str = "") -> Path:
+    """Where the prototype is linked if nobody says otherwise; each ROS namespace has its own, in the same folder."""
+    name = "-".join(["prototype", *filter(None, namespace.split("/"))])  # no part of a namespace has a -
     for variable, below in (("SIXSTRUT_STATE_DIR", ""), ("XDG_RUNTIME_DIR", "sixstrut")):
         if os.environ.get(variable):
-            return Path(os.environ[variable]) / below / "prototype"
-    return Path(temporary_parent()) / f"sixstrut-{os.getuid()}" / "prototype"
+            return Path(os.environ[variable]) / below / name
+    return Path(temporary_parent()) / f"sixstrut-{os.getuid()}" / name
 
 
 def lock_path(link: Path) -> Path:

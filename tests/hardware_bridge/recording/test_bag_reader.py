@@ -21,7 +21,7 @@ from hardware_bridge.recording.bag_types import TOPICS, misfit_of
 from tests.hardware_bridge.recording.test_message_definitions import SCHEMAS
 from tests.scale import examples
 
-EXAMPLE = Path(__file__).parents[3] / "bags" / "example.mcap"
+EXAMPLE = Path(__file__).parents[3] / "bags" / "example"
 FRAME = struct.Struct("<BQ")
 STRING = b"\x00\x01\x00\x00\x02\x00\x00\x00a\x00"
 

@@ -66,7 +66,7 @@ def test_it_rolls_three_times_by_three_gaits_one_of_them_mirrored(exact):
 @pytest.mark.ros
 def test_it_leaves_a_bag_that_replays_to_the_live_bits_and_a_picture(exact):
     printed, _, folder = exact
-    (bag,) = folder.glob("*.mcap")
+    (bag,) = folder.glob("session_*/")
     assert str(bag) in printed
     (picture,) = folder.glob("*.png")
     assert picture.read_bytes().startswith(b"\x89PNG")
@@ -113,8 +113,8 @@ def test_interrupted_in_mid_roll_it_holds_the_struts_closes_the_bag_and_exits_0(
     printed = "".join(lines) + finished(process)
     assert process.returncode == 0, printed
     assert "stopped by you: struts held, bag closed" in printed
-    (bag,) = tmp_path.glob("*.mcap")
-    assert not list(tmp_path.glob("*.journal"))
+    (bag,) = tmp_path.glob("session_*/")
+    assert not list(tmp_path.rglob("*.journal"))
     assert list(read_session(bag).of("bridge/struts_sent"))
 
 
@@ -126,7 +126,7 @@ def test_it_rolls_with_any_board(tmp_path, board):
     printed = finished(process)
     assert process.returncode == 0, printed
     assert f"board {board}" in printed
-    (bag,) = tmp_path.glob("*.mcap")
+    (bag,) = tmp_path.glob("session_*/")
     frames = [sent.frame for sent in read_session(bag).of("bridge/struts_sent") if len(sent.frame)]
     assert {bytes(frame[:1]) for frame in frames} == {b"#" if board == "ssc32" else b"\xaa"}
 

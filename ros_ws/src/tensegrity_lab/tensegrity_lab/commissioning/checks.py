@@ -17,7 +17,7 @@ from hardware_bridge.calibration.calibration_file import Unfinished, load_calibr
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.prototype_client import handshake as virtual_port
 from hardware_bridge.prototype_client.handshake import default_link
-from hardware_bridge.recording.session_bag import bag_folder
+from hardware_bridge.recording.session_bag import bag_folder, journals_in
 from hardware_bridge.saved_state.state_file import state_directory
 from sim_core.files.places import folder_problem, home_problem, temporary_parent
 from tensegrity_lab.stack.simulation_lag import busy_text
@@ -165,7 +165,7 @@ def check_folder(what: str, folder: Path, needed_bytes: int, variable: str) -> F
         return Finding(what, Health.MEND, problem, f"make it writable, make room, or choose another folder with {variable}")
     there = next(place for place in (folder, *folder.parents) if place.exists())
     free = shutil.disk_usage(there).free
-    journals = sorted(folder.glob("*.mcap.journal")) if folder.is_dir() else []
+    journals = journals_in(folder)
     left = f"; {len(journals)} unfinished bags, which the next bridge mends" if journals else ""
     return Finding(what, Health.FINE, f"{folder}, {free / 1e9:.1f} GB free{left}")
 

@@ -78,6 +78,7 @@ class StackClient:
         domain: int | None = None,
         name: str = "sixstrut_operator",
         events: bool = False,
+        namespace: str = "",
     ):
         """Join ROS.
 
@@ -87,10 +88,11 @@ class StackClient:
             domain: of ROS; None: the shell's, found as the nodes find each other.
             name: of the node.
             events: keep the bridge's events and diagnostics.
+            namespace: of the stack.
         """
         self._stack, self._only, self.prototype = stack, prototype, prototype
         self._context = own_context(domain)
-        self.node = node = Node(name, context=self._context)
+        self.node = node = Node(name, context=self._context, namespace=namespace)
         self.bridge: Any = None
         self.twin: Any = None
         self.observed: Any = None

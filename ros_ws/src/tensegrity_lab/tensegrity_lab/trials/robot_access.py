@@ -219,7 +219,7 @@ class RobotAccess:
         self.operator.wait(lambda: self.operator.bridge.bag_messages > before, "growth of the bag", 5.0)
 
     def bag_place(self, time_ns: int) -> tuple[str, float]:
-        """The bag's file name, and how long after its first message a time is (s)."""
+        """The bag's name, and how long after its first message a time is (s)."""
         bridge = self.operator.bridge
         began_ns = bridge.bag_began.sec * 1_000_000_000 + bridge.bag_began.nanosec
         return Path(bridge.bag).name, (time_ns - began_ns) * 1e-9 if began_ns else math.nan

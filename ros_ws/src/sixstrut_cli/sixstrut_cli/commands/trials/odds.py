@@ -28,7 +28,7 @@ def command(
 
     A roll counts if it was rehearsed and somebody, or the virtual prototype's observer, saw where it ended.
 
-    sixstrut odds bags/example.mcap
+    sixstrut odds bags/example
     sixstrut odds bags/monday bags/tuesday --picture odds.png
     """
     announce("reading bags: some seconds for each that is large")

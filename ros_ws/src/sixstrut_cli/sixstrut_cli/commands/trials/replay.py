@@ -13,7 +13,7 @@ from sixstrut_cli.outputs import announce, picture_path, say, writable, wrote
 
 
 def command(
-    bag: Annotated[Path, typer.Argument(help="A bag: an .mcap file of the bridge, or a folder of rosbag2.")],
+    bag: Annotated[Path, typer.Argument(help="A bag: a folder of the bridge or of rosbag2, or an .mcap file.")],
     actuators: Annotated[
         str, typer.Option(help="The twin's actuators, as the twin had them: ideal, stand-in, or a YAML file.")
     ] = "ideal",
@@ -43,10 +43,10 @@ def command(
     Exit code 0: same bits as live and on the recorded face at the end, or every trial's outcome as recorded; 4: not. A bag that was
     recorded with another model is refused with both hashes, unless numbers are changed (--set) or --compare says so.
 
-    sixstrut replay bags/example.mcap
-    sixstrut replay bags/example.mcap --picture session.png --set mu_s=0.45 --set mu_k=0.4
-    sixstrut replay bags/example.mcap --animation rolls.webp
-    sixstrut replay bags/monday/bags/session_20260102_030405.mcap --trial 17 --ensemble 24 --picture trial.png
+    sixstrut replay bags/example
+    sixstrut replay bags/example --picture session.png --set mu_s=0.45 --set mu_k=0.4
+    sixstrut replay bags/example --animation rolls.webp
+    sixstrut replay bags/monday/bags/session_20260102_030405 --trial 17 --ensemble 24 --picture trial.png
     """
     announce(f"stepping the twin through {bag}")
     from sim_core.rolling.warm_up import Stage
@@ -137,7 +137,7 @@ def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
 def _whole(
     bag: Path, changes: dict[str, float], actuators: str, compare: bool, picture: Path | None, animation: Path | None, as_json: bool
 ) -> bool:
-    from hardware_bridge.recording.bag_reader import read_session
+    from hardware_bridge.recording.bag_reader import read_session, whole_bag
     from hardware_bridge.recording.bag_types import TOPICS
     from sim_core.dynamics.actuators import require_actuators
     from sim_core.files.places import folder_problem
@@ -148,7 +148,8 @@ def _whole(
     from tensegrity_lab.terminal.progress import bars
 
     if picture is None and not as_json:
-        picture = (Path() if folder_problem(bag.parent) else bag.parent) / f"{bag.stem}_replay.png"
+        whole = whole_bag(bag.resolve())
+        picture = (Path() if folder_problem(whole.parent) else whole.parent) / f"{whole.stem}_replay.png"
     drives = require_actuators(actuators)
     session = read_session(bag, topics=TOPICS)
     if not (changes or compare):
