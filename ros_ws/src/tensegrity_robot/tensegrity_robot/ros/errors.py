@@ -7,7 +7,6 @@ from collections.abc import Collection
 from hardware_bridge.errors import BridgeError
 
 
-
 class StartError(BridgeError):
     """A node cannot start: one line that says why and what is valid. The process ends with exit code 1."""
 
