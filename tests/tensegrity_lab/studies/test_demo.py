@@ -12,6 +12,7 @@ from types import SimpleNamespace
 import pytest
 
 from hardware_bridge.recording.bag_reader import read_session
+from sixstrut_cli import app
 from tensegrity_lab.bags.replay import replay
 from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.processes import Stack, wait_until
@@ -197,3 +198,14 @@ def test_the_bag_is_known_by_the_bridges_log_whatever_its_operator_heard(tmp_pat
     code = "print('[INFO] [1.0] [bridge]: lsc at /tmp/x, time scale 8, recording /b a/session_1.mcap; DISARMED, nothing moves')"
     stack.start("hardware_bridge", [sys.executable, "-c", code]).ends()
     assert recorded_bag(stack) == Path("/b a/session_1.mcap")
+
+
+@pytest.mark.parametrize(
+    ("processors", "words", "pace"), [(1, (), 1.0), (2, (), 8.0), (1, ("--fast",), 8.0), (2, ("--real-time",), 1.0)]
+)
+def test_on_one_processor_it_runs_in_real_time_unless_told_otherwise(processors, words, pace, monkeypatch):
+    paces = []
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: set(range(processors)))
+    monkeypatch.setattr("tensegrity_lab.studies.demo.Demo", lambda rolls, robot, *_: paces.append(robot.time_scale))
+    app.run(["demo", *words])
+    assert paces == [pace]

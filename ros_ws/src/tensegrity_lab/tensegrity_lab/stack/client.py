@@ -99,7 +99,7 @@ class StackClient:
         self.rehearsal: Any = None
         self.heard = 0.0
         self.sent: list[Any] = []
-        self._wrote_seq = 0
+        self._wrote = "", 0
         self.diagnostics: dict[str, Any] = {}
         self.feedback: list[str] = []
         self.asked_ns = 0
@@ -151,7 +151,7 @@ class StackClient:
     def _on_sent(self, message: Any) -> None:
         self.sent.append(message)
         if not message.heartbeat:
-            self._wrote_seq = message.seq
+            self._wrote = message.session, message.seq
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self.diagnostics.update({status.name: status for status in message.status})
@@ -229,7 +229,8 @@ class StackClient:
 
     def rests(self) -> bool:
         """The same, wherever it rests: on no face as well."""
-        return bool(self.observed.settled and self.observed.seq > self._wrote_seq)
+        session, seq = self._wrote
+        return bool(self.observed.settled and (self.observed.session != session or self.observed.seq > seq))
 
     def sees(self, state: str, limit_s: float = 30.0) -> None:
         """Wait for a state of the bridge."""
