@@ -163,6 +163,8 @@ def read_session(path: Path | str, since_ns: int = 0, until_ns: int = 1 << 64, t
 def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Bag:
     """Read a bag without decoding a message. Args, Raises: as `read_session`."""
     file = Path(path)
+    if file.suffix == ".mcap" and not file.exists() and is_bag_folder(file.with_suffix("")):
+        file = file.with_suffix("")  # as the bridge's bags were called when they were single files
     try:
         parts = _files_in(file) if file.is_dir() else [file]
         bag = Bag(file)

@@ -194,6 +194,10 @@ def test_a_folder_that_is_no_bag_says_why(tmp_path, told, line):
     assert line in refusal(folder(tmp_path / "bag", **told))
 
 
+def test_a_bag_is_found_by_the_name_of_the_single_file_that_it_once_was():
+    assert read_bag(EXAMPLE.with_suffix(".mcap")).path == EXAMPLE
+
+
 def test_a_damaged_list_of_a_folders_files_is_told(tmp_path):
     bag = folder(tmp_path / "bag", ["a.mcap"])
     for damaged in (b"", b"[1]", b"rosbag2_bagfile_information: 3", bytes(4096), b"a: 1\na: 2", b"\xff"):
