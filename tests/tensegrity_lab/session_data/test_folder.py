@@ -58,8 +58,8 @@ def test_what_is_no_session_says_so_in_one_line(bags):
     (bag / "metadata.yaml").touch()
     valid = "valid is a folder that `sixstrut trial` made, with session.yaml in it"
     for path, why in (
-        (bag, "it is a bag: `odds`, `fit`, `replay` and `play` take it"),
-        (bags / "old.mcap", "it is a bag: `odds`, `fit`, `replay` and `play` take it"),
+        (bag, "it is a bag: `report`, `odds`, `fit`, `replay` and `play` take it"),
+        (bags / "old.mcap", "it is a bag: `report`, `odds`, `fit`, `replay` and `play` take it"),
         (empty, "session.yaml: No such file or directory"),
     ):
         with pytest.raises(SessionError) as caught:

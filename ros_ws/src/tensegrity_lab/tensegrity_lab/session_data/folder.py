@@ -137,7 +137,7 @@ def open_session(path: Path) -> SessionFolder:
     except (OSError, FileError) as error:
         why = f"{Path(error.filename).name}: {error.strerror}" if isinstance(error, OSError) else str(error)
         if is_bag_folder(path) or path.suffix == ".mcap":
-            why = "it is a bag: `odds`, `fit`, `replay` and `play` take it"
+            why = "it is a bag: `report`, `odds`, `fit`, `replay` and `play` take it"
         raise SessionError(
             f"{path} is not a session of trials ({why}); valid is a folder that `sixstrut trial` made, with {SETTINGS} in it"
         ) from error

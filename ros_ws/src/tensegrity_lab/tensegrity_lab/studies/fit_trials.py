@@ -110,6 +110,7 @@ def _require_model(tries: Tries, model: Model) -> None:
 
 def _session(path: Path) -> Tries:
     told = read_told(path)
+    assert told.folder is not None
     settings = told.folder.settings
     return _of_lines(path.name, settings.robot, settings.virtual_robot, told.folder.library, told.valid, bool(settings.computed))
 
