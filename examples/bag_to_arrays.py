@@ -8,7 +8,7 @@ import numpy as np
 
 from hardware_bridge import read_session
 
-EXAMPLE = Path(__file__).parents[1] / "bags" / "example.mcap"
+EXAMPLE = Path(__file__).parents[1] / "bags" / "example"
 
 
 def main(bag: str = str(EXAMPLE)) -> None:

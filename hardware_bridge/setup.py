@@ -9,7 +9,7 @@ setup(
     description="Servo-board codecs, transport, safety supervisor, recorder and the virtual prototype of the six-strut tensegrity.",
     license="Apache-2.0",
     maintainer="sixstrut maintainers",
-    maintainer_email="maintainers@sixstrut.example",
+    maintainer_email="no-address@sixstrut.invalid",
     packages=find_packages(),
     package_data={package_name: ["**/*.yaml", "py.typed"]},
     data_files=[
@@ -17,6 +17,7 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
     entry_points={
         "console_scripts": ["virtual_prototype = hardware_bridge.virtual_prototype.__main__:main"],

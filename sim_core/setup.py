@@ -9,7 +9,7 @@ setup(
     description="Six-strut tensegrity: structure, VFIFE dynamics, rolls, gait library, twin.",
     license="Apache-2.0",
     maintainer="sixstrut maintainers",
-    maintainer_email="maintainers@sixstrut.example",
+    maintainer_email="no-address@sixstrut.invalid",
     packages=find_packages(),
     package_data={package_name: ["**/*.yaml", "py.typed"]},
     data_files=[
@@ -17,5 +17,6 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
 )

@@ -1,16 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """Whatever happens to a file, its reader gives what was written, says that it was changed, or raises the project's own error."""
 
+import io
 import random
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import pytest
+from mcap.reader import make_reader
+from mcap.writer import Writer
 
 from hardware_bridge.calibration.calibration_file import Calibration, load_calibration, write_calibration
 from hardware_bridge.errors import BridgeError
-from hardware_bridge.recording.bag_reader import read_bag, read_session
+from hardware_bridge.recording.bag_reader import BagError, file_of, read_bag, read_session
+from hardware_bridge.recording.bag_types import TOPICS
 from hardware_bridge.recording.journal import finish_journal
 from sim_core.errors import SimError
 from sim_core.files import yaml_reader
@@ -26,6 +31,7 @@ from tests.hardware_bridge.recording.test_journal import whole_journal
 from tests.scale import ALL
 from tests.tensegrity_lab.trials.sessions import Outcome, begun, planned, try_all
 
+EXAMPLE = Path(__file__).parents[1] / "bags" / "example"
 CASES = 1250 if ALL else 25
 """Of each kind."""
 
@@ -122,6 +128,62 @@ def kinds(tmp_path_factory) -> dict[str, Kind]:
         "plan": Kind(session.path / "plan.csv", of_plan),
         "ledger": Kind(session.path / "ledger.csv", of_ledger, in_parts=True),
     }
+
+
+def own_rows() -> list[tuple[Any, Any, Any]]:
+    """The first three messages of every topic of the example that is read."""
+    rows: dict[str, list[tuple[Any, Any, Any]]] = {}
+    for row in make_reader(io.BytesIO(file_of(EXAMPLE).read_bytes())).iter_messages():
+        if len(rows.setdefault(row[1].topic, [])) < 3:
+            rows[row[1].topic].append(row)
+    return [row for topic in rows.values() for row in topic]
+
+
+def beside_foreign_topics(path: Path, own: list[tuple[Any, Any, Any]], chance: random.Random, topics: Sequence[str]) -> None:
+    """A bag in which others recorded too: any encoding, any schema, any bytes."""
+    with path.open("wb") as stream:
+        writer, channels = Writer(stream), {}
+        writer.start("ros2", "somebody")
+        foreign = []
+        for number in range(chance.randint(1, 6) if topics else 0):
+            encoding = chance.choice(["", "ros2msg", "ros2idl", "protobuf", "jsonschema", "?" * 300])
+            text = chance.choice([b"", b"float64 x\n", b"{}", chance.randbytes(50), b"=" * 80 + b"\nMSG: a/B\n"])
+            kind = writer.register_schema(chance.choice(["a/msg/B", "std_msgs/msg/String", ""]), encoding, text)
+            name = chance.choice(topics).format(number)
+            foreign.append(writer.register_channel(name, chance.choice(["cdr", "json", ""]), kind * (chance.random() < 0.8)))
+        for schema, channel, message in own:
+            for other in chance.sample(foreign, chance.randint(0, len(foreign))):
+                writer.add_message(other, message.log_time, chance.randbytes(chance.choice([0, 3, 200])), 0)
+            if channel.topic not in channels:
+                kind = writer.register_schema(schema.name, schema.encoding, schema.data)
+                channels[channel.topic] = writer.register_channel(channel.topic, channel.message_encoding, kind)
+            writer.add_message(channels[channel.topic], message.log_time, message.data, message.publish_time)
+        writer.finish()
+
+
+def test_foreign_topics_change_nothing_of_what_is_read(tmp_path):
+    own, chance, path = own_rows(), random.Random(3), tmp_path / "mixed.mcap"
+    beside_foreign_topics(path, own, chance, ())
+    right = [(m.topic, m.log_time_ns, m.data) for m in read_bag(path, TOPICS).messages]
+    assert len(right) > 15
+    names = ("/camera{}", "/recorded/camera{}", "/robot/bridge/faces{}", "/recorded/x/twin/states{}", "bell\a{}", "{}")
+    for case in range(CASES):
+        beside_foreign_topics(path, own, chance, names)
+        assert [(m.topic, m.log_time_ns, m.data) for m in read_bag(path, TOPICS).messages] == right, f"case {case}"
+        assert sum(map(len, read_session(path, topics=TOPICS).messages.values())) == len(right)
+
+
+def test_a_topic_that_is_called_as_ours_and_is_none_is_told(tmp_path):
+    own, chance, path = own_rows(), random.Random(4), tmp_path / "mixed.mcap"
+    told: list[str] = []
+    for _ in range(CASES):
+        beside_foreign_topics(path, own, chance, ("/other{}/bridge/face",))
+        try:
+            read_session(path, topics=TOPICS)
+        except BagError as error:
+            told.append(str(error))
+    assert len(told) > CASES // 2
+    assert all(re.search("other[0-9]/bridge/face", line) and "\n" not in line for line in told)
 
 
 NAMES = ("bag", "journal", "library", "odds", "prototype", "calibration", "settings", "plan", "ledger")

@@ -8,12 +8,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from tooling.layout import SetupError
+
 
 @contextmanager
 def exclusive(path: Path) -> Iterator[int]:
     """Holds the lock at `path`, waiting for whoever has it; yields its file descriptor.
 
     The kernel drops the lock when its last holder ends, however it ends, so there is no stale lock to clean up.
+
+    Raises SetupError: it cannot be made, or there are no locks.
     """
     descriptor = _open_locked(path)
     try:
@@ -27,8 +31,14 @@ def exclusive(path: Path) -> Iterator[int]:
 def _open_locked(path: Path) -> int:
     told = False
     while True:
-        path.parent.mkdir(exist_ok=True)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        try:
+            path.parent.mkdir(exist_ok=True)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+        except OSError as error:
+            remedy = "let whoever it belongs to run ./sixstrut setup with a Python that you may run too, or clone it for yourself"
+            raise SetupError(
+                f"{path.parents[1]} is not set up for this, and you cannot write there ({error.strerror}): {remedy}"
+            ) from None
         try:
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -37,6 +47,8 @@ def _open_locked(path: Path) -> int:
                     _tell(descriptor)
                     told = True
                 fcntl.flock(descriptor, fcntl.LOCK_EX)
+            except OSError as error:
+                raise SetupError(f"{path} cannot be locked ({error.strerror}): move the checkout to a local disk") from None
             if _is_still_at(path, descriptor):
                 return descriptor
         except BaseException:

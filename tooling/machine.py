@@ -4,12 +4,15 @@
 import os
 import platform
 import shutil
+import subprocess
+import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 
 from tooling.layout import SetupError
 
 OLDEST_GLIBC = (2, 28)  # the ROS wheels are manylinux_2_28
+LINKED = ("sim_core", "hardware_bridge")  # from ros_ws/src, so that colcon finds them
 DISK_NEEDED_BYTES = 1_500_000_000  # .venv takes 0.6 GB in the end; pip's downloads and the build want room, too
 
 _PLATFORM_REMEDY = "use an x86-64 Linux machine (a virtual machine or container will do), or ROS 2 Jazzy with colcon"
@@ -63,9 +66,36 @@ def path_problems(root: Path) -> list[str]:
     return []
 
 
+def checkout_problems(root: Path) -> list[str]:
+    """What git, or whatever brought the files here, made of the checkout."""
+    problems = []
+    if lacking := [name for name in LINKED if not (root / "ros_ws" / "src" / name).is_dir()]:
+        remedy = "git config core.symlinks true, git checkout -- ros_ws/src; or clone it again where there are links"
+        problems.append(f"the symbolic links {' and '.join(lacking)} in {root}/ros_ws/src are none: {remedy}")
+    if any(b"\r\n" in path.read_bytes() for path in (root / "sixstrut", Path(__file__))):
+        problems.append(f"the lines of files in {root} end with CR LF: clone it again with git, which leaves them as they are")
+    return problems
+
+
+def file_system_problems(folder: Path) -> list[str]:
+    """What set-up does with files that this file system cannot: links, and programs that run."""
+    try:
+        with tempfile.TemporaryDirectory(dir=folder) as name:
+            script = Path(name) / "script"
+            script.write_text("#!/bin/sh\n", encoding="utf-8")
+            script.chmod(0o755)
+            script.with_name("link").symlink_to(script)
+            subprocess.run([script.with_name("link")], check=False)
+    except OSError as error:
+        problem = f"the file system of {folder} holds no symbolic links or runs no programs ({error.strerror})"
+        return [f"{problem}: move the checkout to a local disk"]
+    return []
+
+
 def check(root: Path, environ: Mapping[str, str], *, needs_disk: bool) -> None:
     """Raises SetupError naming everything that would stop set-up later."""
     problems = platform_problems() + path_problems(root) + compiler_problems(environ)
+    problems += checkout_problems(root) + file_system_problems(root)
     if needs_disk:
         problems += disk_problems(root)
     if problems:

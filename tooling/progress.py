@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What a person sees during set-up. Everything goes to stderr, so that a command's own output stays clean."""
 
+import os
 import shutil
 import sys
 import time
@@ -17,7 +18,7 @@ class Progress:
 
     def __init__(self, steps: int, stream: TextIO | None = None) -> None:
         self._stream = sys.stderr if stream is None else stream
-        self._terminal = self._stream.isatty()
+        self._terminal = self._stream.isatty() and os.environ.get("TERM") != "dumb"
         self._steps = steps
         self._step = 0
         self._started = self._shown = time.monotonic()

@@ -51,6 +51,7 @@ def build(layout: Layout, runner: Runner, environ: Mapping[str, str]) -> None:
         counter = _Counter(len(names), runner.progress)
         with packages.build_tools(layout, runner, environ) as tools:
             inside = environment.applied(environ, environment.underlay(environ, layout))
+            inside.setdefault("HOME", str(layout.state))  # colcon ends where a user without a home has none
             inside["PATH"] = f"{tools}{os.pathsep}{inside['PATH']}"
             runner.run("building ros_ws", _command(layout), cwd=layout.workspace, environ=inside, on_line=counter.line)
         _write(layout, {**base, "stamp": stamps.workspace_stamp(layout), "paths": _sourced(layout)})

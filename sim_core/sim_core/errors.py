@@ -10,7 +10,9 @@ class SimError(Exception):
     """Base of every error raised by sim_core."""
 
 
-_SHORT = reprlib.Repr(maxlevel=2, maxdict=4, maxlist=6, maxtuple=6, maxstring=60, maxlong=40, maxother=60)
+_SHORT = reprlib.Repr()  # Python 3.11 takes no limits here
+_SHORT.maxlevel, _SHORT.maxdict, _SHORT.maxlist, _SHORT.maxtuple = 2, 4, 6, 6
+_SHORT.maxstring, _SHORT.maxlong, _SHORT.maxother = 60, 40, 60
 
 
 def brief(value: object) -> str:

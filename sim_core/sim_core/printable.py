@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Texts from outside, made fit to be shown and kept."""
 
+import codecs
+import sys
 import unicodedata
+from io import TextIOWrapper
 
 NAME_MOST, WORDS_MOST = 64, 300
 """Characters of a name, and of what somebody says."""
+_SIMILAR = dict(zip("→←…–—−×·•█■", "><.---x**##", strict=True))  # one letter each: columns stay
 _LOOKED_AT = 8
 """Times the wanted length: more of a text is not read."""
 
@@ -21,6 +25,23 @@ def printable(text: object, most: int = WORDS_MOST) -> str:
     if len(line) <= most and len(whole) <= _LOOKED_AT * most:
         return line
     return line[: most - 1] + "…"
+
+
+def replace_what_cannot_be_shown() -> None:
+    """From now on standard output and error show something similar, or "?", for letters that their encoding lacks.
+
+    No arrow may end a program.
+    """
+    codecs.register_error("similar", _similar)
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):
+            stream.reconfigure(errors="similar")
+
+
+def _similar(error: UnicodeError) -> tuple[str, int]:
+    if not isinstance(error, UnicodeEncodeError):
+        raise error
+    return "".join(_SIMILAR.get(letter, "?") for letter in error.object[error.start : error.end]), error.end
 
 
 def _shown(letter: str) -> str:

@@ -13,7 +13,7 @@ from tests.benchmarks.stack import demo_usage, live_stack, metrics, recording, r
 from tests.benchmarks.stack.process_usage import Sampler
 
 MS = 1_000_000
-BAG = Path(__file__).parents[2] / "bags" / "example.mcap"
+BAG = Path(__file__).parents[2] / "bags" / "example"
 
 
 def test_a_spread_is_median_99th_percentile_and_worst():

@@ -73,7 +73,7 @@ def second_ones(lab: Rig) -> Evidence:
     evidence = Evidence()
     operator = lab.use(STRUTS)
     lease = lab.arm("first")
-    elsewhere = lab.processes.node("hardware_bridge", "--ros-args", "-r", "__ns:=/another")
+    elsewhere = lab.processes.node("hardware_bridge", "--ros-args", "-r", "__ns:=/another", port=lab.link)
     evidence.says(last_line(elsewhere, 1), "another bridge drives robot")
     try:
         serial.Serial(str(lab.link), exclusive=True).close()

@@ -90,7 +90,7 @@ def damaged_journal(lab: Rig) -> Evidence:
     acknowledged = int(operator.bridge.bag_messages)
     bridge.signal(signal.SIGKILL)
     bridge.ends()
-    journal = bag.with_name(bag.name + ".journal")
+    journal = bag / f"{bag.name}.mcap.journal"
     with journal.open("r+b") as file:
         file.seek(journal.stat().st_size // 2)
         file.write(bytes(DAMAGE))

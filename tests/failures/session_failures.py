@@ -33,7 +33,7 @@ def log_fails(lab: Rig) -> Evidence:
     motion = operator.begin_motion((80.0, stretched(1, 0.04)), lease=lease)
     operator.moves(motion, 0.001)
     bridge, bag = lab.node("hardware_bridge"), Path(operator.bridge.bag)
-    size = bag.with_name(bag.name + ".journal").stat().st_size + ROOM_BYTES
+    size = (bag / f"{bag.name}.mcap.journal").stat().st_size + ROOM_BYTES
     resource.prlimit(bridge.pid, resource.RLIMIT_FSIZE, (size, size))  # the kernel refuses what is beyond, as a full disk does
     result = operator.end(motion).result
     evidence.says(result.reason, "the log is dead", "File too large")
@@ -109,7 +109,7 @@ def signals_in_mid_gait(lab: Rig) -> Evidence:
         for number in numbers:
             bridge.signal(number)
         expect(bridge.ends(10.0) == 0 and "Traceback" not in bridge.output, f"it ended with {bridge.code}: {bridge.output}")
-        expect(bag.exists() and not bag.with_name(bag.name + ".journal").exists(), "the log is not finished")
+        expect(bag.exists() and not (bag / f"{bag.name}.mcap.journal").exists(), "the log is not finished")
         session = read_session(bag)
         writes = [message for message in session.of("bridge/struts_sent") if not message.heartbeat]
         earlier, before, last = (message.pulse_us for message in writes[-3:])

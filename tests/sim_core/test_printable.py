@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Texts from outside, made fit to be shown and kept."""
 
+import io
 import unicodedata
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sim_core.printable import NAME_MOST, printable
+from sim_core.printable import NAME_MOST, printable, replace_what_cannot_be_shown
 
 
 @pytest.mark.parametrize(
@@ -48,3 +49,11 @@ def test_a_holder_s_name_steers_nobody_s_terminal():
 
     assert _arming("\x1b[31mme\r\n" + "x" * 1000, True, "lease", None).holder == "[31mme " + "x" * (NAME_MOST - 8) + "…"
     assert _arming("\x1b", True, "lease", None).holder == "somebody"
+
+
+def test_letters_that_an_encoding_lacks_become_similar_ones_of_the_same_width(monkeypatch):
+    written = io.BytesIO()
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(written, encoding="ascii", write_through=True))
+    replace_what_cannot_be_shown()
+    print("TC6 → TO5: 5 × ± 1 mm … █ \udcff")
+    assert written.getvalue() == b"TC6 > TO5: 5 x ? 1 mm . # ?\n"

@@ -151,7 +151,7 @@ def test_a_robustness_study_writes_json_tables_and_picture(tmp_path):
 
 BEFORE_ANYTHING_IS_LOADED = """
 import contextlib, io, json, sys
-sys.modules |= dict.fromkeys(("numpy", "sim_core", "rclpy", "rich", "tensegrity_lab", "tensegrity_console"))
+sys.modules |= dict.fromkeys(("numpy", "rclpy", "rich", "tensegrity_lab", "tensegrity_console"))
 from sixstrut_cli import app
 
 class Terminal(io.StringIO):
@@ -261,3 +261,37 @@ def test_the_kinds_of_files_are_told_apart():
         assert kind_of(files("sim_core") / "data" / name) == kind
     assert kind_of(files("hardware_bridge") / "data" / "calibration_default.yaml") == "calibration"
     assert set(shipped.values()) | {"calibration", "ensemble"} == set(KINDS)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "roll --picture HERE/x.png", "climb -o HERE/x.yaml", "robustness robust --csv HERE",
+        "robustness robust --picture HERE/x.png",
+        "robustness robust --odds HERE/x.yaml", "search -o HERE/x.yaml", "parameters --picture HERE/x.png",
+        "parameters --export json -o HERE/x.json", "export urdf HERE/x.urdf", "calibrate-model -o HERE/x.yaml", "validate -o HERE",
+        "demo --bags HERE", "travel 1,1 -o HERE", "travel --study 1 -o HERE", "console --virtual --bags HERE", "campaign HERE/new",
+        "trial HERE/new --virtual", "report -o HERE SESSION", "odds --picture HERE/x.png BAG", "fit --odds HERE/x.yaml SESSION",
+        "fit --demonstrate -o HERE", "replay --picture HERE/x.png BAG", "replay --animation HERE/x.webp BAG", "docs -o HERE",
+        "calibrate --virtual HERE/x.yaml", "faults -o HERE", "bench -o HERE",
+    ],
+)  # fmt: skip
+def test_an_output_that_cannot_be_written_is_refused_before_anything_is_read_or_computed(line, tmp_path, monkeypatch, capsys):
+    """For root, to whom permissions mean nothing, there is a file where the folder should be."""
+    monkeypatch.setenv("SIXSTRUT_ROOT", str(ROOT))
+    (tmp_path / "file").touch()
+    here = {"HERE": f"{tmp_path}/file/folder", "SESSION": "/nowhere", "BAG": "/nowhere.mcap"}
+    words = [next((word.replace(key, path) for key, path in here.items() if key in word), word) for word in line.split()]
+    monkeypatch.setattr("sixstrut_cli.commands.develop.docs._build", None)
+    monkeypatch.setattr("sixstrut_cli.reference.pages", dict)
+    assert app.run(words) in (1, 2)
+    last = capsys.readouterr().err.strip().splitlines()[-1]
+    assert "file/folder" in last
+    assert "cannot be written" in last
+
+
+def test_letters_that_a_terminal_cannot_show_are_replaced():
+    command = [sys.executable, "-m", "sixstrut_cli", "route", "TC6", "TC1"]
+    environ = {**os.environ, "PYTHONIOENCODING": "latin-1"}
+    done = subprocess.run(command, env=environ, capture_output=True, check=True, timeout=60)
+    assert "TC6 > TO5 > " in done.stdout.decode("latin-1")

@@ -306,7 +306,7 @@ def test_the_command_serves_a_virtual_robot_that_can_be_armed_and_stopped(tmp_pa
     finally:
         process.kill()
         process.wait()
-    (bag,) = tmp_path.glob("*.mcap")
+    (bag,) = tmp_path.glob("session_*/")
     session = read_session(bag)
     assert any(session.of("twin/markers")), "a bag shows the robot in a viewer"
     assert "FAULT" in {state.state for state in session.of("bridge/state")}

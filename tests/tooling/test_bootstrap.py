@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The parts of set-up that decide, on a checkout where nothing is installed."""
 
+import contextlib
 import os
 import shutil
 import subprocess
@@ -197,6 +198,15 @@ def test_the_tools_of_the_build_go_with_it(fresh: Path, runner: Runner, monkeypa
         assert programs.is_dir()
     assert asked == list(packages.BUILD_TOOLS)
     assert not (layout.state / "build_tools").exists()
+
+
+def test_a_user_without_a_home_can_build(fresh: Path, runner: Runner, monkeypatch: pytest.MonkeyPatch):
+    seen: dict[str, str] = {}  # colcon ends with a traceback where there is none
+    monkeypatch.setattr(Runner, "run", lambda *_, environ, **__: seen.update(environ))
+    monkeypatch.setattr(packages, "build_tools", lambda *_: contextlib.nullcontext(fresh))
+    monkeypatch.setattr(workspace, "_sourced", lambda _: {})
+    workspace.build(Layout(fresh), runner, {"PATH": os.defpath})
+    assert seen["HOME"] == str(Layout(fresh).state)
 
 
 @pytest.mark.parametrize(("uv_fails", "asked"), [(False, ["uv"]), (True, ["uv", "pip"])])

@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from tooling.exclusive import exclusive
+from tooling.layout import SetupError
 
 ROOT = Path(__file__).resolve().parents[2]
 SECOND = f"""
@@ -47,3 +48,21 @@ def test_the_message_names_the_process(tmp_path: Path):
         assert second.stderr is not None
         assert f"(process {os.getpid()})" in second.stderr.readline()
     second.communicate(timeout=30)
+
+
+def test_another_users_checkout_that_is_not_ready_is_told(tmp_path: Path):
+    (tmp_path / "file").touch()  # stands for a folder that is another's: to root, no folder is
+    with (
+        pytest.raises(SetupError, match=r"is not set up for this, .* clone it for yourself"),
+        exclusive(tmp_path / "file" / "s" / "lock"),
+    ):
+        pass
+
+
+def test_a_file_system_without_locks_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def none(*_: object) -> None:  # as a network file system without a lock daemon; to mount one needs root
+        raise OSError(37, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", none)
+    with pytest.raises(SetupError, match=r"No locks available\): move the checkout"), exclusive(tmp_path / "lock"):
+        pass

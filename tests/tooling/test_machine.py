@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 import platform
 import shutil
+import subprocess
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -60,9 +61,49 @@ def test_a_path_that_the_build_tools_break_on_is_refused():
     assert machine.path_problems(Path("/home/me/robot-2_x/ü")) == []
 
 
+def checkout(folder: Path, links: bool = True, end: bytes = b"\n") -> Path:
+    (folder / "sixstrut").write_bytes(b"#!/bin/sh" + end)
+    sources = folder / "ros_ws" / "src"
+    sources.mkdir(parents=True)
+    for name in machine.LINKED:
+        (folder / name).mkdir()
+        if links:
+            (sources / name).symlink_to(f"../../{name}")
+        else:
+            (sources / name).write_text(f"../../{name}")  # as git writes it with core.symlinks=false
+    return folder
+
+
 def test_all_problems_are_told_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(platform, "machine", lambda: "aarch64")
     monkeypatch.setattr(shutil, "disk_usage", lambda _: SimpleNamespace(free=300_000_000))
     with pytest.raises(SetupError) as error:
-        machine.check(tmp_path, {"PATH": str(tmp_path)}, needs_disk=True)
+        machine.check(checkout(tmp_path), {"PATH": str(tmp_path)}, needs_disk=True)
     assert [line.split()[0] for line in str(error.value).splitlines()] == ["the", "lacks", "0.3"]
+
+
+def test_a_clone_without_links_is_told_how_to_get_them(tmp_path: Path):
+    assert machine.checkout_problems(Path(__file__).parents[2]) == []
+    (problem,) = machine.checkout_problems(checkout(tmp_path, links=False))
+    assert "symbolic links sim_core and hardware_bridge" in problem
+    assert "core.symlinks true" in problem
+
+
+def test_a_checkout_with_other_line_ends_is_told(tmp_path: Path):
+    (problem,) = machine.checkout_problems(checkout(tmp_path, end=b"\r\n"))
+    assert "CR LF: clone it again" in problem
+
+
+def test_a_file_system_without_links_or_programs_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    assert machine.file_system_problems(tmp_path) == []
+
+    def refused(*_: object, **__: object) -> None:  # by vfat, and by a file system mounted noexec; to mount one needs root
+        raise PermissionError(1, "Operation not permitted")
+
+    for what, name in ((Path, "symlink_to"), (subprocess, "run")):
+        with monkeypatch.context() as patch:
+            patch.setattr(what, name, refused)
+            (problem,) = machine.file_system_problems(tmp_path)
+        assert "Operation not permitted" in problem
+        assert "move the checkout to a local disk" in problem
+    assert list(tmp_path.iterdir()) == []

@@ -46,7 +46,16 @@ def test_without_a_terminal_a_line_appears_every_ten_seconds(clock: list[float])
     assert [line.strip() for line in stream.getvalue().splitlines()[1:]] == ["10 of 25, 10 s", "20 of 25, 20 s", "24 of 25, 24 s"]
 
 
+def test_on_a_dumb_terminal_lines_stay(clock: list[float], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("TERM", "dumb")
+    stream = Terminal()
+    with Progress(1, stream).step("building"):
+        pass
+    assert stream.getvalue() == "[1/1] building …\n      done, 0 s\n"
+
+
 def test_on_a_terminal_one_line_changes_and_never_wraps(clock: list[float], monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "20")
     stream = Terminal()
     shown = Progress(1, stream)

@@ -13,7 +13,6 @@ import os
 import re
 import secrets
 import stat
-import tempfile
 import time
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,6 +21,7 @@ from typing import Any
 
 from hardware_bridge.errors import BoardMismatch, PortMissing, TimeScaleError
 from hardware_bridge.prototype_client import private_files
+from sim_core.files.places import temporary_parent
 
 ANSWER_LIMIT_S = 10.0
 """Wall time within which a prototype says who it is; it looks every 50 ms, if its computer lets it."""
@@ -52,12 +52,13 @@ class Handshake:
     board: str = "lsc"
 
 
-def default_link() -> Path:
-    """Where the prototype is linked if nobody says otherwise."""
+def default_link(namespace: str = "") -> Path:
+    """Where the prototype is linked if nobody says otherwise; each ROS namespace has its own, in the same folder."""
+    name = "-".join(["prototype", *filter(None, namespace.split("/"))])  # no part of a namespace has a -
     for variable, below in (("SIXSTRUT_STATE_DIR", ""), ("XDG_RUNTIME_DIR", "sixstrut")):
         if os.environ.get(variable):
-            return Path(os.environ[variable]) / below / "prototype"
-    return Path(tempfile.gettempdir()) / f"sixstrut-{os.getuid()}" / "prototype"
+            return Path(os.environ[variable]) / below / name
+    return Path(temporary_parent()) / f"sixstrut-{os.getuid()}" / name
 
 
 def lock_path(link: Path) -> Path:

@@ -55,6 +55,7 @@ ROSBAG2 = "metadata.yaml"
 
 _CONVERT = "convert it with `ros2 bag convert` to storage mcap, or give an .mcap file"
 _TOO_LARGE = "is too large to be read at once"
+_AT_ITS_END = "the bridge makes a bag of it at its next start with this bag_folder, or when that session ends"
 _COPY = "copy it again from where it was recorded"
 
 
@@ -162,6 +163,8 @@ def read_session(path: Path | str, since_ns: int = 0, until_ns: int = 1 << 64, t
 def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Bag:
     """Read a bag without decoding a message. Args, Raises: as `read_session`."""
     file = Path(path)
+    if file.suffix == ".mcap" and not file.exists() and is_bag_folder(file.with_suffix("")):
+        file = file.with_suffix("")  # as the bridge's bags were called when they were single files
     try:
         parts = _files_in(file) if file.is_dir() else [file]
         bag = Bag(file)
@@ -174,7 +177,9 @@ def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Bag:
             if len(parts) > 1 and (len(bag.messages) > MOST_MESSAGES or sum(len(m.data) for m in bag.messages) > MOST_WANTED):
                 raise BagError(f"{file} {_TOO_LARGE}: give its files one by one")
     except OSError as error:
-        raise BagError(f"cannot read bag {error.filename or file}: {error.strerror}; give the path of an .mcap file") from error
+        raise BagError(
+            f"cannot read bag {error.filename or file}: {error.strerror}; give a bag's folder, or an .mcap file"
+        ) from error
     bag.messages.sort(key=lambda message: message.log_time_ns)
     return bag
 
@@ -184,9 +189,28 @@ def is_bag_folder(path: Path) -> bool:
     return (path / ROSBAG2).is_file()
 
 
+def file_of(bag: Path) -> Path:
+    """Where the log lies in the folder of a bag that the bridge recorded; rosbag2 numbers its own files."""
+    return bag / f"{bag.name}.mcap"
+
+
+def whole_bag(path: Path) -> Path:
+    """The bag's folder, if the path is of the bridge's file in it; else the path."""
+    return path.parent if is_bag_folder(path.parent) and path == file_of(path.parent) else path
+
+
+def bags_in(folder: Path) -> list[Path]:
+    """The bags that lie in a folder, by name: folders, and single files, as older bridges wrote them."""
+    return sorted([*folder.glob("*.mcap"), *(path.parent for path in folder.glob(f"*/{ROSBAG2}"))])
+
+
 def _files_in(folder: Path) -> list[Path]:
-    """The files of a folder that rosbag2 wrote, in its order. Raises BagError: it is none, or not of our storage."""
+    """The files of a folder that the bridge or rosbag2 wrote, in order. Raises BagError: it is none, or not of our storage."""
     if not is_bag_folder(folder):
+        if file_of(folder).is_file():  # its metadata is lost, or comes in a moment
+            return [file_of(folder)]
+        if file_of(folder).with_suffix(".mcap.journal").exists():
+            raise BagError(f"{folder} is of a session that lives or was cut short: {_AT_ITS_END}")
         inside = [path.name for path in sorted(folder.iterdir()) if path.suffix in (".mcap", ".db3")]
         what = f"it holds {inside[0]}" if inside else "there is no .mcap file in it"
         remedy = f" of the bridge, or write its {ROSBAG2} with `ros2 bag reindex`" if inside else ""
@@ -272,8 +296,7 @@ class _Reading:
     def _cut(self) -> BagError:
         path = self._bag.path
         if path.suffix == ".journal":
-            remedy = "the bridge makes a bag of it at its next start with this bag_folder, or when that session ends"
-            return self._fail("is the journal of a session that lives or was cut short", remedy)
+            return self._fail("is the journal of a session that lives or was cut short", _AT_ITS_END)
         journal = path.with_name(path.name + ".journal")
         if journal.exists():
             return self._fail(f"is being written, {journal.name} lies beside it", "wait until the bridge has closed it")

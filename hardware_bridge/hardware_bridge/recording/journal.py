@@ -3,7 +3,8 @@
 
 While a session lives, messages go unchunked into `<name>.mcap.journal` and each is flushed. After each record comes another one,
 of a kind that other readers skip: the record's length and checksum behind a mark that nothing else has. At the session's end the
-journal is rewritten chunked, compressed and indexed as `<name>.mcap`, read again and compared, and only then dropped. The same
+journal is rewritten chunked, compressed and indexed as `<name>.mcap`, read again and compared, and only then dropped; in a folder
+`<name>` of its own it gets rosbag2's `metadata.yaml`. The same
 function finishes the journal of a session that was killed: damage costs the damaged place only, what follows it is found by the
 marks, and a journal of which more than a cut tail could not be read is kept. Journals of old have no marks; in them the next record
 is found by what a record of that session can look like.
@@ -28,10 +29,12 @@ from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, McapRecord, Message, Metadata, Schema
 from mcap.stream_reader import StreamReader
+from mcap.summary import Summary
 from mcap.writer import CompressionType, Writer
 
 from hardware_bridge.errors import RecorderError
 from hardware_bridge.recording.bag_reader import FRAME, MAGIC, MESSAGE_HEAD
+from hardware_bridge.recording.rosbag2_metadata import write_metadata
 
 PROFILE = "ros2"
 LIBRARY = "sixstrut"
@@ -161,9 +164,11 @@ def finish_journal(journal: Path, path: Path) -> Recording:
     temporary = path.with_name(path.name + ".tmp")
     try:
         source, found = _rewrite(journal, temporary)
-        copy = _tally(temporary)
-        if copy.value != source.value or _indexed_messages(temporary) != source.counts.total():
+        copy, summary = _tally(temporary), _summary(temporary)
+        indexed = summary.statistics.message_count if summary is not None and summary.statistics is not None else -1
+        if summary is None or copy.value != source.value or indexed != source.counts.total():
             raise RecorderError(str(path), f"does not read back as written; the journal {journal} is kept")
+        write_metadata(path, summary)
         temporary.replace(path)
         kept = _keep(journal) if found.unread_places else None
         if kept is None:
@@ -422,12 +427,9 @@ def _tally(path: Path) -> _Tally:
     return tally
 
 
-def _indexed_messages(path: Path) -> int:
+def _summary(path: Path) -> Summary | None:
     with path.open("rb") as stream:
-        summary = make_reader(stream).get_summary()
-    if summary is None or summary.statistics is None:
-        return -1
-    return int(summary.statistics.message_count)
+        return make_reader(stream).get_summary()
 
 
 def _sync_directory(directory: Path) -> None:

@@ -8,10 +8,12 @@ import platform
 import threading
 import time
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
 from hardware_bridge.errors import BridgeError, RecorderError
+from hardware_bridge.recording.bag_reader import file_of
 from hardware_bridge.recording.journal_repair import mend
 from hardware_bridge.recording.message_definitions import ShareSchemas
 from hardware_bridge.recording.recorder import Recorder
@@ -28,14 +30,23 @@ def bag_folder(configured: str) -> Path:
     return Path(configured or os.environ.get("SIXSTRUT_BAGS") or "bags").expanduser().resolve()
 
 
-def bag_name(folder: Path, now: time.struct_time) -> Path:
-    """`session_<UTC>.mcap`, with a number where that exists."""
+def make_bag(folder: Path, now: time.struct_time) -> Path:
+    """A new folder `session_<UTC>` for one bag, with a number where that exists. Raises OSError."""
+    folder.mkdir(parents=True, exist_ok=True)
     stem = time.strftime("session_%Y%m%d_%H%M%S", now)
     for number in range(1, 1000):
-        path = folder / (f"{stem}.mcap" if number == 1 else f"{stem}_{number}.mcap")
-        if not path.exists() and not path.with_name(path.name + ".journal").exists():
-            return path
+        bag = folder / (stem if number == 1 else f"{stem}_{number}")
+        if not any(bag.with_name(bag.name + suffix).exists() for suffix in (".mcap", ".mcap.journal")):  # of an older bridge
+            with suppress(FileExistsError):
+                bag.mkdir()
+                return bag
     raise FileExistsError(f"{folder} is full of sessions of this second")
+
+
+def journals_in(folder: Path) -> list[Path]:
+    """The journals of a folder's bags, and of single files, as older bridges wrote them."""
+    own = [path for path in folder.glob("*/*.mcap.journal") if path.with_suffix("") == file_of(path.parent)]
+    return sorted([*folder.glob("*.mcap.journal"), *own])
 
 
 def versions() -> dict[str, str]:
@@ -54,7 +65,7 @@ def mend_journals(folder: Path) -> list[str]:
 
     A living session's journal is locked, or was made a moment ago. Waits for the latter to become one or the other.
     """
-    return [line for journal in sorted(folder.glob("*.mcap.journal")) if (line := _mend(journal))]
+    return [line for journal in journals_in(folder) if (line := _mend(journal))]
 
 
 def _mend(journal: Path) -> str:
@@ -77,7 +88,7 @@ class SessionLog:
     """One bag. Messages written before `open` wait for it; a failed log never fails the caller, but says so.
 
     Attributes:
-        path: of the bag; None before `open`.
+        path: of the bag, a folder; None before `open`.
         began_ns: log time of its first message; 0 before that.
         fault: why the log is dead; empty if it is well.
     """
@@ -114,7 +125,7 @@ class SessionLog:
         """Begin the bag.
 
         Args:
-            folder: where the bag is written.
+            folder: where the bag's own folder is made.
             topics: name -> (type, transient_local).
             attachments: name -> bytes.
             facts: kept as metadata "session", beside "versions".
@@ -127,12 +138,12 @@ class SessionLog:
             problem = f"not begun, the computer's clock says {day}: set it (timedatectl), or do without a log (record:=false)"
             raise RecorderError(str(folder), problem)
         try:
-            folder.mkdir(parents=True, exist_ok=True)
+            bag = make_bag(folder, time.gmtime())
         except OSError as error:
             problem = f"cannot be made ({error.strerror}); give another bag_folder, or do without a log (record:=false)"
             raise RecorderError(str(folder), problem) from error
         schemas = ShareSchemas()
-        recorder = Recorder(bag_name(folder, time.gmtime()), schemas.schema_text, type_hash=schemas.type_hash, on_fault=self._fail)
+        recorder = Recorder(file_of(bag), schemas.schema_text, type_hash=schemas.type_hash, on_fault=self._fail)
         self._owner = recorder.journal.open("rb")  # its lock says that the session lives, see mend_journals
         fcntl.flock(self._owner, fcntl.LOCK_EX | fcntl.LOCK_NB)
         try:
@@ -146,7 +157,7 @@ class SessionLog:
             recorder.close()
             raise
         with self._lock:
-            self._recorder, self.path = recorder, recorder.path
+            self._recorder, self.path = recorder, bag
             early, self._early = self._early, []
             for message in early:
                 self._write(*message)

@@ -8,6 +8,7 @@ from pathlib import Path
 from hardware_bridge.errors import StateFileError
 from sim_core.errors import FileError
 from sim_core.files.bounded_reader import read_bytes
+from sim_core.files.places import writable_folder
 
 LARGEST_BYTES = 1_000_000
 """More than any record can need; what is larger is not read."""
@@ -18,9 +19,9 @@ class UnreadableError(Exception):
 
 
 def state_directory() -> Path:
-    """`$SIXSTRUT_STATE_DIR`, or `~/.local/state/sixstrut`."""
+    """`$SIXSTRUT_STATE_DIR`, or `~/.local/state/sixstrut`, or the same in a temporary folder where there is no such home."""
     configured = os.environ.get("SIXSTRUT_STATE_DIR")
-    return Path(configured) if configured else Path.home() / ".local" / "state" / "sixstrut"
+    return Path(configured) if configured else writable_folder(".local/state/sixstrut")
 
 
 def read(path: Path) -> dict[str, object] | None:

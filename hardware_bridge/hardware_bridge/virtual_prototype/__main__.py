@@ -22,6 +22,7 @@ from hardware_bridge.virtual_prototype.body import ActuatedBody, SimulatedBody
 from hardware_bridge.virtual_prototype.main_loop import VirtualPrototype
 from sim_core.dynamics.actuators import STAND_IN, require_actuators
 from sim_core.errors import SimError
+from sim_core.printable import replace_what_cannot_be_shown
 
 MOST_INCLINE_DEG = 20.0
 """`sim_core.uncertainty.perturbation_law.MAX_INCLINE_DEG`, by value: to import it would load the solver for every `--help`."""
@@ -29,6 +30,7 @@ MOST_INCLINE_DEG = 20.0
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Runs the prototype; the exit status: 0 after a signal, 1 if it could not start or go on, 2 for bad arguments."""
+    replace_what_cannot_be_shown()
     options = _parser().parse_args(arguments)
     ended = False
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from hardware_bridge.driver.child_process import bound
 from hardware_bridge.errors import PrototypeError
 from hardware_bridge.prototype_client.handshake import read_handshake
+from sim_core.files.places import temporary_parent
 
 START_LIMIT_S = 180.0
 """The first time on a machine its kernels are compiled."""
@@ -31,7 +32,7 @@ def practice_prototype(time_scale: float = 1.0, board: str = "lsc") -> Iterator[
     Raises:
         PrototypeError: it does not start.
     """
-    with tempfile.TemporaryDirectory(prefix="sixstrut-practice-") as folder:
+    with tempfile.TemporaryDirectory(prefix="sixstrut-practice-", dir=temporary_parent()) as folder:
         link = Path(folder) / "prototype"
         words = ["-m", "hardware_bridge.virtual_prototype", "--link", str(link), "--board", board]
         words += ["--time-scale", f"{time_scale:g}"]

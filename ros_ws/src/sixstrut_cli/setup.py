@@ -9,13 +9,14 @@ setup(
     description="The sixstrut command line.",
     license="Apache-2.0",
     maintainer="sixstrut maintainers",
-    maintainer_email="maintainers@sixstrut.example",
+    maintainer_email="no-address@sixstrut.invalid",
     packages=find_packages(),
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
     entry_points={"console_scripts": ["sixstrut = sixstrut_cli.__main__:main"]},
 )

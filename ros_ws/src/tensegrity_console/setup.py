@@ -9,7 +9,7 @@ setup(
     description="The six-strut tensegrity in a browser and in the Foxglove app.",
     license="Apache-2.0",
     maintainer="sixstrut maintainers",
-    maintainer_email="maintainers@sixstrut.example",
+    maintainer_email="no-address@sixstrut.invalid",
     packages=find_packages(),
     package_data={"tensegrity_console.web": ["page/*"]},
     data_files=[
@@ -17,5 +17,6 @@ setup(
         (f"share/{package_name}", ["package.xml"]),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
 )

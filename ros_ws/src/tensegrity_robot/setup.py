@@ -11,7 +11,7 @@ setup(
     description="ROS 2 nodes of the six-strut rolling tensegrity: twin, gait planner, hardware bridge.",
     license="Apache-2.0",
     maintainer="sixstrut maintainers",
-    maintainer_email="maintainers@sixstrut.example",
+    maintainer_email="no-address@sixstrut.invalid",
     packages=find_packages(),
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{package_name}"]),
@@ -22,6 +22,7 @@ setup(
         (f"share/{package_name}/rviz", sorted(glob("rviz/*"))),
     ],
     install_requires=["setuptools"],
+    extras_require={"test": ["pytest"]},
     zip_safe=False,
     entry_points={
         "console_scripts": [

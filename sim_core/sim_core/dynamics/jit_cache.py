@@ -3,8 +3,8 @@
 
 numba looks only at the file of the cached function itself: after a change of a function that it calls in another file it
 would go on using the old code. So the folder's name holds a hash of all that compiled functions can see. It lies beside the sources
-if that is writable, else in the user's cache. Each file ends with its checksum: numba believes whatever it finds, and a process
-dies of a damaged one.
+if that is writable, else in the user's cache, else in a temporary folder. Each file ends with its checksum: numba believes
+whatever it finds, and a process dies of a damaged one.
 
 Whoever compiles takes `njit` from here, so that the folder is set before; what compiles nothing needs no numba at all.
 """
@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING, Any, ParamSpec, Protocol, TypeVar
 
 import numba
 from numba.core import caching
+
+from sim_core.files.places import cache_folder
 
 if TYPE_CHECKING:  # numba has no types: say what its decorator keeps of a function
     P = ParamSpec("P")
@@ -78,14 +80,9 @@ def use_own_folder() -> Path:
 
     A folder given by the user (NUMBA_CACHE_DIR) is the parent then.
     """
+    name = f"kernels-{hash_of_sources(PACKAGE / name for name in KERNEL_SOURCES)}"
     given = os.environ.get("NUMBA_CACHE_DIR")
-    if given:
-        parent = Path(given)
-    elif os.access(PACKAGE, os.W_OK):
-        parent = PACKAGE / "__pycache__"
-    else:
-        parent = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "sixstrut"
-    folder = parent / f"kernels-{hash_of_sources(PACKAGE / name for name in KERNEL_SOURCES)}"
+    folder = cache_folder(name, given and Path(given) / name, PACKAGE / "__pycache__" / name)
     config: Any = numba.config
     config.CACHE_DIR = str(folder)
     return folder

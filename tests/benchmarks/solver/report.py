@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure
+from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure, picture_file
 from tensegrity_lab.reports.markdown import table
 from tests.benchmarks.solver.equilibrium import Rest
 from tests.benchmarks.solver.measure import Accuracy, Judged, Memory, Plan, Rehearsal, Speed
@@ -175,6 +175,7 @@ def _memory_table(memories: Sequence[Memory]) -> str:
     return table(["", "kB a robot", "kB a thread", "MB idle", "MB after (rolls)", "MB after (rolls)"], rows)
 
 
+@picture_file
 def draw(report: Report, path: Path) -> None:
     """Speed over the number of robots, and speed over the error at equal truth."""
     figure = new_figure(11, 4.6)

@@ -102,7 +102,7 @@ def twin_cost(doing: str, rate_hz: float, ticks: Sequence[tuple[int, int]], cpu:
 def _load(probe: Probe, bag: Path) -> Iterator[list[Load]]:
     """Gives a list that holds, after the block, what the bridge recorded meanwhile."""
     found: list[Load] = []
-    journal = bag.with_name(bag.name + ".journal")
+    journal = bag / f"{bag.name}.mcap.journal"
 
     def look() -> tuple[float, int, int, int]:
         before = probe.log

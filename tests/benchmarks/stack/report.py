@@ -9,7 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure
+from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure, picture_file
 from tensegrity_lab.reports.markdown import table
 from tests.benchmarks.stack.metrics import Capacity, Latency, Load, Spread, StackReport, StartUp, TwinCost, Usage
 
@@ -136,6 +136,7 @@ def _median(times_s: Sequence[float]) -> str:
     return f"{statistics.median(times_s):.2f} s (median of {len(times_s)}, worst {max(times_s):.2f} s)"
 
 
+@picture_file
 def draw(report: StackReport, path: Path) -> None:
     """Evenness, latency, processor time, start."""
     figure = new_figure(12, 7)

@@ -214,6 +214,7 @@ def test_the_default_link_follows_the_environment(monkeypatch: pytest.MonkeyPatc
     assert default_link() == Path("/b/sixstrut/prototype")
     monkeypatch.delenv("XDG_RUNTIME_DIR")
     assert default_link().name == "prototype"
+    assert default_link("/lab/blue") == default_link().with_name("prototype-lab-blue")
     assert default_link().parent.name == f"sixstrut-{os.getuid()}"
 
 

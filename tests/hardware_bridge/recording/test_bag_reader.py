@@ -21,7 +21,7 @@ from hardware_bridge.recording.bag_types import TOPICS, misfit_of
 from tests.hardware_bridge.recording.test_message_definitions import SCHEMAS
 from tests.scale import examples
 
-EXAMPLE = Path(__file__).parents[3] / "bags" / "example.mcap"
+EXAMPLE = Path(__file__).parents[3] / "bags" / "example"
 FRAME = struct.Struct("<BQ")
 STRING = b"\x00\x01\x00\x00\x02\x00\x00\x00a\x00"
 
@@ -192,6 +192,10 @@ def test_a_folder_of_rosbag2_is_one_bag(tmp_path):
 )
 def test_a_folder_that_is_no_bag_says_why(tmp_path, told, line):
     assert line in refusal(folder(tmp_path / "bag", **told))
+
+
+def test_a_bag_is_found_by_the_name_of_the_single_file_that_it_once_was():
+    assert read_bag(EXAMPLE.with_suffix(".mcap")).path == EXAMPLE
 
 
 def test_a_damaged_list_of_a_folders_files_is_told(tmp_path):

@@ -233,7 +233,7 @@ def test_sync_says_when_the_disk_does_not_answer(tmp_path: Path, monkeypatch: py
 def test_a_log_that_does_not_read_back_keeps_its_journal(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     log = recorder(tmp_path / "a.mcap")
     log.write("x", STRING, string("a"), 1)
-    monkeypatch.setattr(journal_module, "_indexed_messages", lambda path: 0)
+    monkeypatch.setattr(journal_module, "_summary", lambda path: None)
     with pytest.raises(RecorderError, match="does not read back"):
         log.close()
     assert [path.name for path in tmp_path.iterdir()] == ["a.mcap.journal"]

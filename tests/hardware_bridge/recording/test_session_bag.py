@@ -4,15 +4,18 @@
 import os
 import time
 from pathlib import Path
+from shutil import rmtree
 
 import pytest
 from rclpy.serialization import serialize_message
+from rosbags.rosbag2 import Reader
 from std_msgs.msg import String
 
 from hardware_bridge.errors import RecorderError
 from hardware_bridge.recording import session_bag
-from hardware_bridge.recording.bag_reader import read_session
-from hardware_bridge.recording.session_bag import SessionLog, bag_folder, bag_name, mend_journals
+from hardware_bridge.recording.bag_reader import BagError, bags_in, is_bag_folder, read_session, whole_bag
+from hardware_bridge.recording.session_bag import SessionLog, bag_folder, journals_in, make_bag, mend_journals
+from sim_core.files.yaml_reader import read_yaml
 from tensegrity_robot.ros.event_filters import EventTimes, ObservationFilter
 
 NOON = time.struct_time((2026, 3, 1, 12, 0, 0, 6, 60, 0))
@@ -31,13 +34,12 @@ def opened(folder: Path) -> SessionLog:
 
 
 def test_bags_are_named_by_the_second_and_never_overwrite(tmp_path):
-    first = bag_name(tmp_path, NOON)
-    assert first.name == "session_20260301_120000.mcap"
-    first.touch()
-    second = bag_name(tmp_path, NOON)
-    assert second.name == "session_20260301_120000_2.mcap"
-    second.with_name(second.name + ".journal").touch()
-    assert bag_name(tmp_path, NOON).name == "session_20260301_120000_3.mcap"
+    bags = tmp_path / "new" / "bags"
+    assert make_bag(bags, NOON) == bags / "session_20260301_120000"
+    assert make_bag(bags, NOON).name == "session_20260301_120000_2"
+    (bags / "session_20260301_120000_3.mcap").touch()  # as older bridges wrote them
+    (bags / "session_20260301_120000_4.mcap.journal").touch()
+    assert make_bag(bags, NOON).name == "session_20260301_120000_5"
 
 
 def test_the_bag_folder_is_configured_or_from_the_environment_or_below_here(tmp_path, monkeypatch):
@@ -81,16 +83,88 @@ def test_a_dead_session_is_mended_and_a_living_one_left_alone(tmp_path, monkeypa
     assert [message.data for message in read_session(tmp_path / "dead.mcap").of("early")] == ["before"]
 
 
-def dead_session(folder: Path) -> Path:
-    """The journal that a killed bridge leaves."""
+def dead_session(folder: Path, of_its_own: bool = False) -> Path:
+    """The journal that a killed bridge leaves: older ones beside the bags, newer ones in a folder of its own."""
     log = opened(folder)
     log._recorder.sync()
     data = log._recorder.journal.read_bytes()
     log.close()
-    log.path.unlink()
-    journal = folder / "dead.mcap.journal"
+    rmtree(log.path)
+    journal = folder / "dead" / "dead.mcap.journal" if of_its_own else folder / "dead.mcap.journal"
+    journal.parent.mkdir(exist_ok=True)
     journal.write_bytes(data)
     return journal
+
+
+def told_by_rosbags(bag: Path) -> tuple[int, int, int, dict[str, int]]:
+    with Reader(bag) as reader:
+        return reader.start_time, reader.duration, reader.message_count, {c.topic: c.msgcount for c in reader.connections}
+
+
+def test_a_bag_is_a_folder_that_rosbag2_opens(tmp_path):
+    """Its metadata.yaml has the fields of rosbag2's yaml.hpp (version 9, Jazzy), in their order; rosbags reads it, too."""
+    log = SessionLog(pytest.fail)
+    log.open(tmp_path, {"/latched": (STRING, True), "/silent": (STRING, False)}, {}, {})
+    for at_ns in (5_000_000_000, 7_000_000_000):
+        log.write("/latched", STRING, text("x"), at_ns)
+    assert not is_bag_folder(log.path)
+    with pytest.raises(BagError, match=r"session_\w+ is of a session that lives or was cut short: the bridge makes a bag of it"):
+        read_session(log.path)
+    log.close()
+    name = f"{log.path.name}.mcap"
+    assert sorted(path.name for path in log.path.iterdir()) == ["metadata.yaml", name]
+    told = read_yaml(log.path / "metadata.yaml")["rosbag2_bagfile_information"]
+    span = {"starting_time": {"nanoseconds_since_epoch": 5_000_000_000}, "duration": {"nanoseconds": 2_000_000_000}}
+    topics = told.pop("topics_with_message_count")
+    assert told == {
+        "version": 9,
+        "storage_identifier": "mcap",
+        **span,
+        "message_count": 2,
+        "compression_format": "",
+        "compression_mode": "",
+        "relative_file_paths": [name],
+        "files": [{"path": name, **span, "message_count": 2}],
+        "custom_data": {},
+        "ros_distro": told["ros_distro"],
+    }
+    assert [topic["message_count"] for topic in topics] == [2, 0]
+    latched = topics[0]["topic_metadata"]
+    assert list(latched) == ["name", "type", "serialization_format", "offered_qos_profiles", "type_description_hash"]
+    assert (latched["name"], latched["type"], latched["serialization_format"]) == ("/recorded/latched", STRING, "cdr")
+    assert latched["type_description_hash"].startswith("RIHS01_")
+    (offered,) = latched["offered_qos_profiles"]
+    assert (offered["durability"], offered["deadline"]) == ("transient_local", {"sec": 9223372036, "nsec": 854775807})
+    assert told_by_rosbags(log.path) == (5_000_000_000, 2_000_000_001, 2, {"/recorded/latched": 2, "/recorded/silent": 0})
+    for given in (log.path, log.path / name):
+        assert [message.data for message in read_session(given).of("latched")] == ["x", "x"]
+        assert whole_bag(given) == log.path
+    (log.path / "metadata.yaml").unlink()
+    assert len(list(read_session(log.path).of("latched"))) == 2, "the bag is still one without it"
+
+
+def test_a_dead_session_of_its_own_folder_becomes_such_a_bag(tmp_path, monkeypatch):
+    monkeypatch.setattr(session_bag, "YOUNG_S", 0.0)
+    journal = dead_session(tmp_path, of_its_own=True)
+    foreign = tmp_path / "saved" / "dead.mcap.journal"
+    foreign.parent.mkdir()
+    foreign.write_bytes(journal.read_bytes())
+    assert journals_in(tmp_path) == [journal], "what somebody put away is left alone"
+    (line,) = mend_journals(tmp_path)
+    assert "dead.mcap: 1 messages of a session that was cut short" in line
+    assert told_by_rosbags(tmp_path / "dead")[2] == 1
+    assert bags_in(tmp_path) == [tmp_path / "dead"]
+    assert sorted(path.name for path in (tmp_path / "dead").iterdir()) == ["dead.mcap", "metadata.yaml"]
+
+
+def test_foreign_qualities_of_service_keep_no_bag_from_being_finished(tmp_path):
+    log = SessionLog(pytest.fail)
+    log.open(tmp_path, {}, {}, {})
+    number = log._recorder._writer.register_channel("/odd", "cdr", 0, {"offered_qos_profiles": "{a: ["})
+    log._recorder._writer.add_message(number, 1, b"", 1)
+    log.close()
+    told = read_yaml(log.path / "metadata.yaml")["rosbag2_bagfile_information"]["topics_with_message_count"]
+    assert told[0]["topic_metadata"]["offered_qos_profiles"] == []
 
 
 def test_a_damaged_session_is_mended_kept_and_told(tmp_path, monkeypatch):

@@ -25,7 +25,7 @@ from tensegrity_lab.stack.message_types import message_class
 from tensegrity_robot.ros import qos
 from tensegrity_robot.ros.cdr import wire_bytes
 
-EXAMPLE = Path(__file__).parents[3] / "bags" / "example.mcap"
+EXAMPLE = Path(__file__).parents[3] / "bags" / "example"
 
 
 def play(domain, *words):

@@ -5,15 +5,17 @@ import io
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from hardware_bridge.recording.bag_reader import BagError, read_session, seconds_of
+from hardware_bridge.recording.bag_reader import BagError, file_of, read_session, seconds_of
 from sim_core.dynamics.model import build_model
 from sim_core.structure.parameters import load_prototype
-from tensegrity_lab.bags import rehearsed_rolls
+from tensegrity_lab.bags import rehearsed_rolls, trial_replay
 from tensegrity_lab.bags.rehearsed_rolls import bags_of, foretold_in
 from tensegrity_lab.bags.replay import events_of
 from tensegrity_lab.bags.trial_replay import trials_of
@@ -23,7 +25,7 @@ from tensegrity_lab.studies.fit_trials import read_tries
 from tests.hardware_bridge.recording.test_bag_reader import folder
 from tests.sixstrut_cli.test_commands import sixstrut
 
-BAG = Path(__file__).parents[3] / "bags" / "example.mcap"
+BAG = Path(__file__).parents[3] / "bags" / "example"
 
 
 def test_the_example_s_rolls_were_foretold_and_came(tmp_path):
@@ -41,7 +43,7 @@ def test_the_example_s_rolls_were_foretold_and_came(tmp_path):
 
 def recorded_by_rosbag2(path: Path, without: tuple[str, ...] = ()) -> Path:
     """The example as rosbag2 records it beside the live stack: live names, nothing attached, in two files."""
-    rows = list(make_reader(io.BytesIO(BAG.read_bytes())).iter_messages())
+    rows = list(make_reader(io.BytesIO(file_of(BAG).read_bytes())).iter_messages())
     rows = [row for row in rows if not row[1].topic.endswith(without or "\n")]
     path.parent.mkdir(exist_ok=True)
     folder(path, ["rec_0.mcap", "rec_1.mcap"])
@@ -62,6 +64,12 @@ def recorded_by_rosbag2(path: Path, without: tuple[str, ...] = ()) -> Path:
 def test_what_rosbag2_records_of_the_live_stack_is_a_bag_as_ours(tmp_path):
     recorded = recorded_by_rosbag2(tmp_path / "bags" / "rosbag")
     assert bags_of([recorded.parent]) == bags_of([recorded]) == [recorded]
+    own = recorded.parent.parent / "own"
+    folder(own, ["own.mcap"])
+    (own / "own.mcap").write_bytes(file_of(BAG).read_bytes())
+    assert bags_of([own / "own.mcap", own]) == [own], "a bag counts once, however it is named"
+    with pytest.raises(SessionError, match="is given twice"):
+        read_tries([own, own / "own.mcap"], build_model(load_prototype()))
     assert foretold_in(recorded) == [found._replace(bag="rosbag") for found in foretold_in(BAG)]
     model = build_model(load_prototype())
     assert read_tries([recorded], model).seen == read_tries([BAG], model).seen
@@ -114,3 +122,25 @@ def test_a_folder_without_bags_is_refused(tmp_path):
     (tmp_path / "bags").mkdir()
     (tmp_path / "bags" / "a.mcap").touch()
     assert bags_of([tmp_path, tmp_path / "bags" / "a.mcap"]) == [tmp_path / "bags" / "a.mcap"]
+
+
+def test_the_trials_of_a_bag_are_found_by_its_folder_by_its_file_and_as_older_bridges_wrote_it(tmp_path, monkeypatch):
+    """One that was killed before it was recorded is in a later bag beside it."""
+    lines = {}
+
+    def bag(name: str, **recorded: str) -> Path:
+        folder(tmp_path / name, [f"{name}.mcap"])
+        (tmp_path / name / f"{name}.mcap").touch()
+        lines[tmp_path / name] = recorded
+        return tmp_path / name
+
+    def lines_of(path: Path) -> list[Any]:
+        told = lines[path].items()
+        return [SimpleNamespace(event=Event.TRIAL, number=int(number[1:]), bag=of) for number, of in told]
+
+    first, second, old = bag("a", n1="a"), bag("b", n2="a", n3="b", n5="old.mcap"), tmp_path / "old.mcap"
+    old.touch()
+    lines[old] = {"n4": "old.mcap"}
+    monkeypatch.setattr(trial_replay, "lines_in_bag", lines_of)
+    for given, numbers in ((first, [1, 2]), (first / "a.mcap", [1, 2]), (second, [3]), (old, [4, 5])):
+        assert [line.number for line in trials_of(given)] == numbers

@@ -15,7 +15,7 @@ from tensegrity_lab.bags.replay import ReplayError, events_of, model_of, replay,
 from tensegrity_lab.bags.roll_attempts import attempts_of
 from tensegrity_lab.bags.trial_replay import library_of
 
-BAG = Path(__file__).parents[3] / "bags" / "example.mcap"
+BAG = Path(__file__).parents[3] / "bags" / "example"
 
 
 @pytest.fixture(scope="module")
@@ -140,4 +140,4 @@ def test_a_bag_with_hostile_yaml_is_one_short_line(session, name):
     hostile = Session(session.path, session.messages, {**session.attachments, name: laughs}, session.metadata)
     with pytest.raises(SimError) as caught:
         model_of(hostile) if name == "prototype.yaml" else library_of(hostile)
-    assert f"example.mcap: {name} is not valid YAML at line 1: an anchor" in str(caught.value)
+    assert f"example: {name} is not valid YAML at line 1: an anchor" in str(caught.value)

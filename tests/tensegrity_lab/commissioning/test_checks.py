@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The doctor finds what is not well and says how to mend it."""
 
+import io
 import json
 import os
 import subprocess
@@ -14,7 +15,7 @@ from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.calibration.calibration_file import Unfinished, load_calibration, write_calibration
 from hardware_bridge.virtual_prototype.boards.registry import emulate
 from sim_core.names import STRUT_NAMES
-from tensegrity_lab.commissioning.checks import Health, check_calibration, check_folder, check_network
+from tensegrity_lab.commissioning.checks import Health, check_calibration, check_computer, check_folder, check_home, check_network
 from tensegrity_lab.commissioning.port_checks import check_bluetooth, check_port
 from tests.hardware_bridge.conftest import Running
 from tests.hardware_bridge.helpers import Wire
@@ -165,12 +166,12 @@ def test_calibrations_good_broken_and_unfinished(tmp_path):
 
 
 def test_a_full_disk_and_a_folder_that_is_none(tmp_path):
-    assert check_folder("bags", tmp_path / "bags" / "deep", 1).health is Health.FINE
-    full = check_folder("bags", tmp_path, 10**18)
+    assert check_folder("bags", tmp_path / "bags" / "deep", 1, "X").health is Health.FINE
+    full = check_folder("bags", tmp_path, 10**18, "X")
     assert full.health is Health.MEND
     assert "make room" in full.mend
     (tmp_path / "file").write_text("")
-    assert check_folder("bags", tmp_path / "file" / "bags", 1).health is Health.MEND
+    assert check_folder("bags", tmp_path / "file" / "bags", 1, "X").health is Health.MEND
 
 
 def test_a_wider_network_is_told(monkeypatch):
@@ -189,3 +190,31 @@ def test_the_ports_far_end_gone_is_no_traceback(tmp_path):
     result = doctor(tmp_path, "--port", name)
     assert result.returncode == 4
     assert "Traceback" not in result.stderr
+
+
+def test_a_network_that_cannot_work_and_a_home_that_is_none_are_to_be_mended(monkeypatch, tmp_path):
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "OFF")
+    finding = check_network()
+    assert (finding.health, finding.told) == (Health.MEND, "ROS_AUTOMATIC_DISCOVERY_RANGE=OFF: no node finds another")
+    monkeypatch.setenv("HOME", str(tmp_path))
+    assert check_home().health is Health.FINE
+    (tmp_path / ".ros").touch()  # as a folder that another user made there
+    assert check_home().health is Health.MEND
+    monkeypatch.setenv("HOME", "nowhere")
+    assert check_home().told == "HOME is 'nowhere': a temporary folder is used"
+
+
+def test_a_busy_computer_and_a_terminal_without_arrows_are_told_and_are_no_fault(monkeypatch):
+    monkeypatch.setattr("os.sched_getaffinity", lambda _: {0})
+    monkeypatch.setattr("os.getloadavg", lambda: (9.0, 0.0, 0.0))
+    monkeypatch.setattr("sys.stdout", io.TextIOWrapper(io.BytesIO(), encoding="latin-1"))
+    finding = check_computer()
+    assert finding.health is Health.FINE
+    assert finding.told.startswith("1 processor; the terminal's encoding is latin-1: letters that it lacks become others, or ?")
+    assert finding.told.endswith("this computer is busy (load 9.0 on 1 processors)")
+    assert "--real-time" in finding.mend
+
+
+def test_a_discovery_server_is_named(monkeypatch):
+    monkeypatch.setenv("ROS_DISCOVERY_SERVER", "192.0.2.7:11811")
+    assert check_network().told == "ROS_DISCOVERY_SERVER=192.0.2.7:11811: no node finds another unless that server runs"

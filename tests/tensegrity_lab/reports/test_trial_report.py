@@ -5,19 +5,26 @@ import base64
 import csv
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
+from mcap.writer import Writer
+from rclpy.serialization import serialize_message
 from scipy import stats
 
+from hardware_bridge.recording.message_definitions import ShareSchemas
+from sim_core.files.yaml_reader import yaml_text
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.reports.trial_analysis import Group
 from tensegrity_lab.reports.trial_report import TrialReport
-from tensegrity_lab.session_data.ledger import Ledger
+from tensegrity_lab.session_data.bag_messages import message_of
+from tensegrity_lab.session_data.ledger import LEDGER, Ledger, read_lines
 from tensegrity_lab.session_data.ledger_line import Event, Outcome
 from tests.sixstrut_cli.test_commands import sixstrut
 from tests.tensegrity_lab.trials.sessions import add, begun, planned, try_all
 
 PLAN = planned("1-3,21-22")
+EXAMPLE = Path(__file__).parents[3] / "bags" / "example"
 
 
 def rows(path):
@@ -65,6 +72,30 @@ def test_rates_and_intervals_follow_from_the_trials_alone(written):
         interval = stats.binomtest(sum(own), len(own)).proportion_ci(method="exact")
         assert (int(row["successes"]), int(row["trials"])) == (sum(own), len(own))
         assert (float(row["low"]), float(row["high"])) == pytest.approx(tuple(interval))
+
+
+@pytest.mark.ros
+def test_a_recording_of_rosbag2_with_the_trials_is_reported_as_the_session(bad, tmp_path):
+    bag = tmp_path / "recorded"
+    bag.mkdir()
+    with (bag / "recorded_0.mcap").open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "rosbag2")
+        name = "tensegrity_interfaces/msg/TrialRecord"
+        kind = writer.register_schema(name, "ros2msg", ShareSchemas().schema_text(name).encode())
+        channel = writer.register_channel("/bridge/trial", "cdr", kind)
+        for at, line in enumerate(read_lines(bad.path / LEDGER)[0]):
+            writer.add_message(channel, at, serialize_message(message_of(line)), at)
+        writer.finish()
+    information = {"version": 9, "storage_identifier": "mcap", "relative_file_paths": ["recorded_0.mcap"]}
+    (bag / "metadata.yaml").write_text(yaml_text({"rosbag2_bagfile_information": information}), encoding="utf-8")
+    ours, theirs = Group([bad.path]), Group([bag])
+    assert (theirs.names, theirs.rates, theirs.label) == (ours.names, ours.rates, ours.label)
+    result = sixstrut("report", str(bag))
+    assert result.returncode == 0, result.stderr
+    assert len(rows(tmp_path / "recorded_report" / "trials.csv")) == len(ours.sessions[0].lines)
+    empty = sixstrut("report", str(EXAMPLE))
+    assert (empty.returncode, "holds no trials" in empty.stderr) == (1, True)
 
 
 def test_tests_follow_from_the_rates(written):

@@ -2,13 +2,14 @@
 """Which session is meant when none is named."""
 
 import os
+import time
 
 import pytest
 
 from hardware_bridge.recording.bag_reader import BagError
 from tensegrity_lab.bags.rehearsed_rolls import newest
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.session_data.folder import newest_session, require_free
+from tensegrity_lab.session_data.folder import newest_session, open_session, require_free
 
 
 @pytest.fixture
@@ -40,9 +41,30 @@ def test_of_bags_the_newest_or_the_newest_session_that_has_one(bags):
     monday = begun(bags, "monday", 2000, bag=True)
     begun(bags, "tuesday", 3000)
     assert newest() == monday
-    demo = bags / "session_demo.mcap"
+    demo = bags / "session_demo.mcap"  # of an older bridge
     demo.touch()
     assert newest() == demo
+    folder = bags / "session_2"
+    folder.mkdir()
+    (folder / "metadata.yaml").touch()
+    os.utime(folder, (time.time() + 60.0,) * 2)
+    assert newest() == folder
+
+
+def test_what_is_no_session_says_so_in_one_line(bags):
+    bag, empty = bags / "session_2", bags / "empty"
+    for made in (bag, empty):
+        made.mkdir()
+    (bag / "metadata.yaml").touch()
+    valid = "valid is a folder that `sixstrut trial` made, with session.yaml in it"
+    for path, why in (
+        (bag, "it is a bag: `report`, `odds`, `fit`, `replay` and `play` take it"),
+        (bags / "old.mcap", "it is a bag: `report`, `odds`, `fit`, `replay` and `play` take it"),
+        (empty, "session.yaml: No such file or directory"),
+    ):
+        with pytest.raises(SessionError) as caught:
+            open_session(path)
+        assert str(caught.value) == f"{path} is not a session of trials ({why}); {valid}"
 
 
 def test_without_any_it_is_said_how_to_make_one(bags):

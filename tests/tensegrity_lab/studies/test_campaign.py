@@ -36,7 +36,7 @@ def test_a_tiny_campaign_computes_runs_a_sample_on_the_stack_and_reports(tmp_pat
         assert all(line.virtual_robot and line.bag == "" for line in session.valid)
     stack = list((folder / "stack").iterdir())
     assert len(stack) == 1
-    assert list((stack[0] / "bags").glob("*.mcap")), "the stack leaves real bags"
+    assert list((stack[0] / "bags").glob("*/*.mcap")), "the stack leaves real bags"
     assert read_told(stack[0]).folder.settings.computed == ""
     text = page.read_text(encoding="utf-8")
     assert "Every trial here is virtual" in text

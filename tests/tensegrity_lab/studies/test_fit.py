@@ -23,7 +23,7 @@ from tests.sixstrut_cli.test_commands import sixstrut
 from tests.tensegrity_lab.trials.sessions import add, begun, graph, planned, try_all
 
 PLAN = planned("1", "TC6-TO5,TC6-TO7,TC7-TO11", repeats=2)
-BAG = Path(__file__).parents[3] / "bags" / "example.mcap"
+BAG = Path(__file__).parents[3] / "bags" / "example"
 
 
 @pytest.fixture(scope="module")

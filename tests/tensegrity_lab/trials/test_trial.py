@@ -19,6 +19,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
+from hardware_bridge.recording.bag_reader import bags_in
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
 from tensegrity_lab.session_data.ledger import LEDGER, Ledger
 from tensegrity_lab.session_data.ledger_line import Event, Outcome, text_of
@@ -68,7 +69,7 @@ def begun_and_a_little(process: subprocess.Popen[str], ledger: Path, lines: int,
 
 
 def bags_of(folder: Path) -> list[Path]:
-    return sorted((folder / "bags").glob("*.mcap"))
+    return bags_in(folder / "bags")
 
 
 @pytest.mark.slow
@@ -96,7 +97,7 @@ def test_killed_at_random_moments_and_gone_on_with_no_trial_is_lost_or_repeated(
     assert standing.open is None
     ended = [line for line in ledger.lines if line.event is Event.TRIAL]
     assert all(line.reason.startswith("the session was killed") for line in ended if line.outcome is Outcome.VOID)
-    assert not list((folder / "bags").glob("*.journal"))
+    assert not list((folder / "bags").rglob("*.journal"))
     in_bags = [text_of(line) for bag in bags_of(folder) for line in lines_in_bag(bag)]
     assert Counter(in_bags) == Counter(text_of(line) for line in ended), "one record a trial in the bags, the ledger's own"
 
@@ -273,3 +274,18 @@ def test_interrupted_in_mid_roll_the_trial_is_void_and_the_bag_closed(tmp_path):
     (bag,) = bags_of(tmp_path / "s")
     (line,) = lines_in_bag(bag)
     assert line.outcome is Outcome.VOID
+
+
+@pytest.mark.slow
+@pytest.mark.ros
+@pytest.mark.timeout(300)
+def test_a_dumb_latin_1_terminal_is_asked_in_lines(tmp_path):
+    words = ("trial", str(tmp_path / "s"), "--by-hand", *PLAN, *VIRTUAL)
+    person = Terminal(*words, folder=tmp_path, environ={"TERM": "dumb", "PYTHONIOENCODING": "latin-1"})
+    try:
+        person.says("[Enter arm", limit_s=200)
+        assert "\x1b" not in person.text
+        person.press("q")
+        assert person.ends() == 130
+    finally:
+        person.close()

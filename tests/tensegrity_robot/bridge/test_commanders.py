@@ -14,7 +14,7 @@ from tensegrity_lab.stack.processes import wait_until
 pytestmark = pytest.mark.ros
 
 MID = [0.234] * 6
-EXAMPLE = Path(__file__).parents[3] / "bags" / "example.mcap"
+EXAMPLE = Path(__file__).parents[3] / "bags" / "example"
 
 
 @pytest.fixture
@@ -59,7 +59,7 @@ def test_playing_a_bag_beside_an_armed_bridge_moves_nothing(armed, second):
     from mcap.reader import make_reader
 
     publishers, played = {}, 0
-    with EXAMPLE.open("rb") as file:
+    with (EXAMPLE / "example.mcap").open("rb") as file:
         reader = make_reader(file)
         for channel in reader.get_summary().channels.values():
             schema = reader.get_summary().schemas[channel.schema_id]

@@ -2,6 +2,7 @@
 """Every transition of the bridge's life, with a device that fails at the worst moment."""
 
 import contextlib
+import math
 import os
 import threading
 import tty
@@ -16,6 +17,7 @@ from hardware_bridge.boards.lsc import FrameDecoder, decode_move
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
 from tensegrity_lab.stack.processes import wait_until
+from tensegrity_robot.ros.topics import BRIDGE_JOINT_STATES
 
 pytestmark = pytest.mark.ros
 
@@ -194,6 +196,16 @@ def test_deactivate_in_motion_holds_every_strut_and_takes_the_lease(life):
     wait_until(lambda: life.operator.sent[-1].seq > seq + 10, 10.0, "ten heartbeats")
     assert len(life.board.moves) == count, "nothing moves any more"
     assert "inactive" in life.arm().message
+
+
+def test_a_length_that_nobody_knows_is_no_number(life):
+    seen = []
+    BRIDGE_JOINT_STATES.subscribe(life.operator.node, seen.append)
+    life.active()
+    wait_until(lambda: seen, 10.0, "joint states")
+    assert all(math.isnan(length) for length in seen[0].position)
+    assert life.arm().success
+    wait_until(lambda: not any(math.isnan(length) for length in seen[-1].position), 30.0, "lengths, once they are confirmed")
 
 
 @pytest.mark.slow

@@ -16,7 +16,7 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from hardware_bridge.boards.lsc import FrameDecoder, Move, decode_move
-from hardware_bridge.recording.bag_reader import Session, read_session
+from hardware_bridge.recording.bag_reader import Session, file_of, read_session
 from sim_core.dynamics.model import build_model
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.follower import Follower, Observed, Sent
@@ -79,7 +79,7 @@ def test_the_bridge_ends_well(interrupted, how):
     assert code == 0, output
     assert "Traceback" not in output
     assert bag.exists()
-    assert not bag.with_name(bag.name + ".journal").exists()
+    assert not (bag / f"{bag.name}.mcap.journal").exists()
 
 
 @HOW
@@ -113,7 +113,7 @@ def test_the_bag_is_read_by_readers_that_are_not_ours(interrupted, how):
         for connection, _, data in reader.messages():
             store.deserialize_cdr(data, connection.msgtype)
             by_rosbags[connection.topic] += 1
-    with bag.open("rb") as stream:
+    with file_of(bag).open("rb") as stream:
         decoded = make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages()
         by_mcap = Counter(item.channel.topic for item in decoded)
     assert by_rosbags == by_mcap

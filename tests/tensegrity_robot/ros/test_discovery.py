@@ -8,7 +8,15 @@ from pathlib import Path
 import pytest
 
 from tensegrity_lab.stack.processes import wait_until
-from tensegrity_robot.ros.discovery import PROFILES, RANGE, TRANSPORTS, discovery_changes, set_discovery
+from tensegrity_robot.ros.discovery import (
+    PROFILES,
+    RANGE,
+    TRANSPORTS,
+    discovery_changes,
+    installed_middlewares,
+    network_problem,
+    set_discovery,
+)  # fmt: skip
 
 PROFILE = Path(__file__)  # any file that exists
 
@@ -76,3 +84,57 @@ def test_the_profile_is_installed(monkeypatch):
         monkeypatch.delenv(name)
     set_discovery()
     assert Path(os.environ[PROFILES]).exists()
+
+
+@pytest.mark.parametrize(
+    ("environ", "problem", "mend"),
+    [
+        ({"ROS_DOMAIN_ID": "lab"}, "ROS_DOMAIN_ID=lab", "valid is 0 to 232"),
+        ({"ROS_DOMAIN_ID": "-1"}, "ROS_DOMAIN_ID=-1", "valid is 0 to 232"),
+        ({"ROS_DOMAIN_ID": "233"}, "ROS_DOMAIN_ID=233", "unset it"),
+        ({RANGE: "OFF"}, f"{RANGE}=OFF: no node finds another", f"unset {RANGE}"),
+        ({RANGE: "localhost"}, f"{RANGE}=localhost", "valid are LOCALHOST, SUBNET"),
+        ({"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, "rmw_cyclonedds_cpp is not installed", "installed are: rmw_fastrtps_cpp"),
+        ({PROFILES: "/nowhere.xml"}, f"{PROFILES}=/nowhere.xml: there is no such file", f"unset {PROFILES}"),
+        ({"FASTDDS_DEFAULT_PROFILES_FILE": "/nowhere.xml"}, "FASTDDS_DEFAULT_PROFILES_FILE=/nowhere.xml", "unset"),
+        ({"ROS_STATIC_PEERS": "127.0.0.1;256.1.1.1:x"}, "ROS_STATIC_PEERS: 256.1.1.1:x is not known", "addresses with ;"),
+    ],
+)
+def test_a_network_in_which_nothing_works_is_told_by_its_variable(environ, problem, mend):
+    told, how = network_problem(environ, ["rmw_fastrtps_cpp"])
+    assert problem in told
+    assert mend in how
+
+
+@pytest.mark.parametrize("environ", [{}, {"ROS_DOMAIN_ID": " 7 "}, {RANGE: "SUBNET"}, {"ROS_STATIC_PEERS": "127.0.0.1"}])
+def test_a_network_that_works_is_no_problem(environ):
+    assert network_problem(environ, ["rmw_fastrtps_cpp"]) == ("", "")
+
+
+def test_the_installed_middleware_is_known():
+    assert "rmw_fastrtps_cpp" in installed_middlewares()
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize("name", ["hardware_bridge", "gait_planner"])
+@pytest.mark.parametrize(
+    "environ", [{RANGE: "OFF"}, {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}, {PROFILES: "/nowhere.xml"}], ids=lambda one: str(one)
+)
+def test_a_node_that_could_find_nobody_ends_with_a_line_that_names_the_variable(name, environ, processes):
+    node = processes.node(name, environ=environ)
+    assert node.ends() != 0
+    assert f"{next(iter(environ))}={next(iter(environ.values()))}" in node.output
+
+
+@pytest.mark.ros
+def test_a_node_without_a_home_keeps_its_logs_in_a_temporary_folder(processes, tmp_path):
+    node = processes.node("twin", environ={"HOME": "relative", "ROS_LOG_DIR": "", "ROS_HOME": ""})
+    node.says("caches, logs and state are kept in")
+
+
+@pytest.mark.ros
+def test_ros_that_does_not_start_for_another_reason_names_what_is_set(processes):
+    node = processes.node("gait_planner", environ={"ROS_SECURITY_ENABLE": "true", "ROS_SECURITY_STRATEGY": "Enforce"})
+    assert node.ends() == 1
+    assert "error: ROS does not start: " in node.output
+    assert "ROS_SECURITY_ENABLE, ROS_SECURITY_STRATEGY" in node.output

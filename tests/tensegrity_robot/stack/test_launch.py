@@ -11,9 +11,9 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from types import ModuleType, SimpleNamespace
+from types import MappingProxyType, ModuleType, SimpleNamespace
 from typing import Any
 
 import psutil
@@ -21,9 +21,10 @@ import pytest
 
 from hardware_bridge.driver.child_process import bound
 from tensegrity_robot.ros.errors import StartError
-from tensegrity_robot.ros.launch_arguments import ARGUMENTS, require_arguments, require_known
+from tensegrity_robot.ros.launch_arguments import ARGUMENTS, require_arguments
 
 FILE = Path(__file__).parents[3] / "ros_ws" / "src" / "tensegrity_robot" / "launch" / "tensegrity.launch.py"
+CONFIG = FILE.parents[1] / "config"
 DEFAULTS = {name: value for name, value, _ in ARGUMENTS}
 VITAL = {"virtual_prototype", "hardware_bridge", "gait_planner", "traveller", "twin"}
 REAL = importlib.util.find_spec("launch_ros") is not None
@@ -42,9 +43,28 @@ WRONG = [
     ({"board": "arduino"}, "board is 'arduino', valid is lsc"),
     ({"library": "nonesuch"}, "shipped are:"),
     ({"calibration": "/nowhere.yaml"}, "calibration /nowhere.yaml: cannot be read"),
-    ({"bags": "/proc/bags"}, "bags:=/proc/bags cannot be made"),
+    ({"bags": "/proc/bags"}, "bags:=/proc/bags cannot be written"),
     ({"rviz": "yes"}, "rviz:=yes: valid is true or false"),
     ({"rviz": "true"}, "rviz:=true, but rviz2 is not installed"),
+    ({"namespace": "my robot"}, "namespace:=my robot: valid are letters, digits and single _"),
+    ({"namespace": "blue__2"}, "such as blue or lab/blue"),
+    ({"namespace": "b" * 41}, "at most 40 in all"),
+    ({"params_file": "/nowhere.yaml"}, "params_file:=/nowhere.yaml cannot be read: No such file or directory"),
+    ({"perturbaton": "0.1"}, "unknown argument perturbaton: did you mean perturbation? Valid are namespace, params_file, virtual"),
+    ({"timescale": "2"}, "unknown argument timescale: did you mean time_scale?"),
+    ({"face": "TC6"}, "unknown argument face: did you mean start_face?"),
+]
+PARAMETERS = [
+    (
+        "/**/hardware_bridge: {ros__parameters: {space_limit: 1.0}}",
+        "of hardware_bridge space_limit: did you mean space_limit_mb?",
+    ),
+    ("blue: {twin: {ros__parameters: {rate: 5.0}}}", "unknown parameter of twin rate: did you mean rate_hz?"),
+    ("/blue/twn: {ros__parameters: {rate_hz: 5.0}}", "unknown node twn: did you mean twin? Valid in"),
+    ("/**: {ros__parameters: {library: robust}}", "unknown parameter of twin library: did you mean"),
+    ("twin: 3", "is no parameter file: valid is NODE: {ros__parameters: {NAME: VALUE}}"),
+    ("twin: {ros__parameters: {rate_hz: 5.0, rate_hz: 6.0}}", "rate_hz"),
+    ("[1, 2", "is not valid YAML"),
 ]
 
 
@@ -55,24 +75,30 @@ def nowhere(package: str) -> str:
 @pytest.mark.parametrize(("given", "why"), WRONG, ids=[" ".join(f"{k}:={v}" for k, v in given.items()) for given, _ in WRONG])
 def test_what_cannot_be_is_refused(tmp_path: Path, given: dict[str, str], why: str) -> None:
     with pytest.raises(StartError) as refused:
-        require_arguments(DEFAULTS | {"bags": str(tmp_path)} | given, nowhere)
+        require_arguments(DEFAULTS | {"bags": str(tmp_path)} | given, nowhere, CONFIG)
     assert why in str(refused.value)
     assert "\n" not in str(refused.value)
 
 
 def test_what_can_be_is_not(tmp_path: Path) -> None:
-    require_arguments(DEFAULTS | {"bags": str(tmp_path / "new")}, nowhere)
+    require_arguments(DEFAULTS | {"bags": str(tmp_path / "new"), "namespace": "/lab/blue_2/"}, nowhere, CONFIG)
     assert (tmp_path / "new").is_dir()
     rviz = tmp_path / "lib" / "rviz2" / "rviz2"
     rviz.parent.mkdir(parents=True)
     rviz.touch(mode=0o755)
-    require_arguments(DEFAULTS | {"bags": str(tmp_path), "rviz": "True", "virtual": "1"}, lambda package: str(tmp_path))
+    require_arguments(DEFAULTS | {"bags": str(tmp_path), "rviz": "True", "virtual": "1"}, lambda package: str(tmp_path), CONFIG)
+    for own in CONFIG.glob("*.yaml"):
+        require_arguments(DEFAULTS | {"bags": str(tmp_path), "params_file": str(own)}, nowhere, CONFIG)
 
 
-@pytest.mark.parametrize(("name", "near"), [("perturbaton", "perturbation"), ("timescale", "time_scale"), ("face", "start_face")])
-def test_an_unknown_argument_is_refused_with_the_nearest_name(name: str, near: str) -> None:
-    with pytest.raises(StartError, match=f"unknown argument {name}: did you mean {near}"):
-        require_known(["seed", name])
+@pytest.mark.parametrize(("text", "why"), PARAMETERS)
+def test_a_parameter_file_names_nodes_and_parameters_that_there_are(tmp_path: Path, text: str, why: str) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(StartError) as refused:
+        require_arguments(DEFAULTS | {"bags": str(tmp_path), "params_file": str(file)}, nowhere, CONFIG)
+    assert why in str(refused.value)
+    assert "\n" not in str(refused.value)
 
 
 # ---- the file ---------------------------------------------------------------------------------------------------------------
@@ -116,9 +142,9 @@ def processes_of(monkeypatch: pytest.MonkeyPatch) -> Any:
     spec.loader.exec_module(module)
     (function,) = [action.function for action in module.generate_launch_description().args[0] if hasattr(action, "function")]
 
-    def processes(*argv: str, **given: str) -> list[Any]:
+    def processes(*argv: str, pushed: Mapping[str, str] = MappingProxyType({}), **given: str) -> list[Any]:
         monkeypatch.setattr(sys, "argv", ["ros2", "launch", "tensegrity_robot", FILE.name, *argv])
-        made: list[Any] = function(SimpleNamespace(given=DEFAULTS | given, argv=list(argv)))
+        made: list[Any] = function(SimpleNamespace(given=DEFAULTS | given, argv=list(argv), launch_configurations=pushed))
         return made
 
     return processes
@@ -138,6 +164,28 @@ def test_nothing_is_made_of_wrong_arguments(processes_of: Any, tmp_path: Path) -
         processes_of(board="arduino", bags=str(tmp_path))
     with pytest.raises(StartError, match="did you mean perturbation"):
         processes_of("perturbaton:=0.1", bags=str(tmp_path))
+
+
+def test_all_of_it_is_in_the_namespace_and_so_is_its_prototype(processes_of: Any, tmp_path: Path) -> None:
+    for given, outer, link in (
+        ("/blue/", "", "prototype-blue"),
+        ("", "lab", "prototype-lab"),
+        ("blue", "/lab", "prototype-lab-blue"),
+    ):
+        prototype, *nodes = processes_of(bags=str(tmp_path), namespace=given, pushed={"ros_namespace": outer})
+        assert Path(prototype.cmd[prototype.cmd.index("--link") + 1]).name == link
+        assert {node.namespace for node in nodes} == {given.strip("/")}
+
+
+def test_what_is_given_goes_before_the_parameter_file_and_what_is_not_does_not(processes_of: Any, tmp_path: Path) -> None:
+    file = tmp_path / "mine.yaml"
+    file.write_text("hardware_bridge: {ros__parameters: {library: paper, stall_limit_m: 0.01}}", encoding="utf-8")
+    made = processes_of(bags=str(tmp_path), params_file=str(file), time_scale="4")
+    (bridge,) = [action for action in made if action.name == "hardware_bridge"]
+    own, mine, given = bridge.parameters
+    assert (Path(own).name, mine, set(given)) == ("hardware_bridge.yaml", str(file), {"time_scale", "bag_folder"})
+    (twin,) = [action for action in made if action.name == "twin"]
+    assert len(twin.parameters) == 2, "its face is the default, which a file may change"
 
 
 # ---- the real launch --------------------------------------------------------------------------------------------------------

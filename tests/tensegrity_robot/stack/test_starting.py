@@ -15,6 +15,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, FaceGraph
+from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.processes import wait_until
 from tests.scale import few
 
@@ -154,6 +155,13 @@ def test_the_bridge_goes_through_its_life_by_lifecycle_calls(processes, operator
         request.transition.id = transition
         return operator.result(change.call_async(request), "change_state").success
 
+    def has_answered() -> bool:  # a request to a server that has not met this client yet is lost
+        try:
+            return bool(operator.result(get.call_async(GetState.Request()), "get_state", 2.0))
+        except StackError:
+            return False
+
+    wait_until(has_answered, 30.0, "an answer of the bridge")
     assert state() == State.PRIMARY_STATE_UNCONFIGURED
     assert go(1)
     assert state() == State.PRIMARY_STATE_INACTIVE

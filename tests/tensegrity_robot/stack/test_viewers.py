@@ -15,7 +15,7 @@ from tensegrity_robot.ros.topics import ROBOT_DESCRIPTION, TOPICS
 
 ROOT = Path(__file__).parents[3]
 PACKAGE = ROOT / "ros_ws" / "src" / "tensegrity_robot"
-BAG = ROOT / "bags" / "example.mcap"
+BAG = ROOT / "bags" / "example"
 SPATIAL = ("geometry_msgs/msg/PoseArray", "geometry_msgs/msg/PoseStamped", "nav_msgs/msg/Path")
 PREFIX = "/recorded"
 ARRAY_INDEX = re.compile(r"\[\d+\]")

@@ -48,6 +48,9 @@ _SETTINGS = {"help_option_names": ["--help", "-h"]}
 
 def main() -> None:
     """Entry point of `python -m sixstrut_cli` and of the executable `sixstrut`."""
+    from sim_core.printable import replace_what_cannot_be_shown  # not before: the help needs no package but this one
+
+    replace_what_cannot_be_shown()
     sys.exit(run(sys.argv[1:]))
 
 

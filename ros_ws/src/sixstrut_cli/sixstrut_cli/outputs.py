@@ -62,9 +62,28 @@ def wrote(*paths: Path | None, err: bool = False) -> None:
 
 
 def output_folder(command: str, chosen: Path | None = None) -> Path:
-    """Where a command writes: the folder given, else out/COMMAND below the working directory. It is made."""
+    """Where a command writes: the folder given, else out/COMMAND below the working directory. It is made.
+
+    Raises typer.BadParameter: it cannot be written. To be called before anything is computed.
+    """
     folder = chosen or Path("out") / command
+    require_folder(folder)
     folder.mkdir(parents=True, exist_ok=True)
+    return folder
+
+
+def require_folder(folder: Path) -> None:
+    """Raises typer.BadParameter: nothing can be written there."""
+    from sim_core.files.places import folder_problem
+
+    if problem := folder_problem(folder):
+        raise typer.BadParameter(f"{problem}: choose another folder, or start the command in one of yours")
+
+
+def writable_folder(folder: Path | None) -> Path | None:
+    """A callback for the option of a folder. Raises typer.BadParameter: nothing can be written there."""
+    if folder is not None:
+        require_folder(folder)
     return folder
 
 
@@ -72,6 +91,17 @@ def in_folder(file: Path) -> Path:
     """The file to write, its folder made."""
     file.parent.mkdir(parents=True, exist_ok=True)
     return file
+
+
+def writable(path: Path | None) -> Path | None:
+    """A callback for the option of a file that is written. Raises typer.BadParameter: it cannot be."""
+    if path is not None:
+        require_folder(path.parent)
+        if path.is_dir():
+            raise typer.BadParameter(f"{path} is a folder: give the name of a file")
+        if path.exists() and not os.access(path, os.W_OK):
+            raise typer.BadParameter(f"{path} is write-protected: give another name")
+    return path
 
 
 def repository(folder: str) -> Path:
@@ -88,8 +118,10 @@ def import_tests() -> None:
 
 
 def results_page(name: str) -> Path:
-    """A page of the repository that a command writes. Raises typer.BadParameter: there is no repository here."""
-    return repository("docs/results") / name
+    """A page of the repository that a command writes. Raises typer.BadParameter: no repository is here, or it is not writable."""
+    folder = repository("docs/results")
+    require_folder(folder)
+    return folder / name
 
 
 def output_of(kind: str) -> Callable[[Path | None], Path | None]:
@@ -104,9 +136,8 @@ def output_of(kind: str) -> Callable[[Path | None], Path | None]:
 
 
 def require_output(path: Path, kind: str) -> None:
-    """Raises typer.BadParameter: the path is a folder, or a file of another kind."""
-    if path.is_dir():
-        raise typer.BadParameter(f"{path} is a folder: give the name of a file")
+    """Raises typer.BadParameter: the path cannot be written, or is a file of another kind."""
+    writable(path)
     if path.exists() and path.stat().st_size and (found := kind_of(path)) != kind:
         other = _a(found) if found else "a file of another kind"
         raise typer.BadParameter(f"{path} exists and is {other}, not {_a(kind)}: it is left as it is, give another name")
@@ -130,10 +161,10 @@ def kind_of(path: Path) -> str:
 
 
 def picture_path(path: Path | None) -> Path | None:
-    """A callback for the option of a picture. Raises typer.BadParameter: its name does not end like a picture's."""
+    """A callback for the option of a picture. Raises typer.BadParameter: it cannot be written, or is not called like one."""
     if path is not None and path.suffix.lower() not in PICTURES:
         raise typer.BadParameter(f"{path} is no name of a picture: valid ends are {', '.join(PICTURES)}")
-    return path
+    return writable(path)
 
 
 def _a(kind: str) -> str:

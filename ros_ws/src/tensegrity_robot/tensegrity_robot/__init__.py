@@ -3,3 +3,12 @@
 
 May import those two packages; what could be tested without ROS lives there.
 """
+
+import os
+import sys
+
+from ament_index_python.resources import has_resource
+
+if (_asked := os.environ.get("RMW_IMPLEMENTATION")) and not has_resource("rmw_typesupport", _asked):
+    # rclpy ends the process then, and names no variable
+    print(f"RMW_IMPLEMENTATION={_asked} is not installed: unset it", file=sys.stderr)

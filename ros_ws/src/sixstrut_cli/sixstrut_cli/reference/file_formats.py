@@ -45,9 +45,9 @@ KINDS = (
     Kind("session", "tensegrity_lab.session_data.folder", "folder",
          "a session of trials: settings, plan, ledger, bags, report", "`trial`, `campaign`",
          "`trial` (goes on), `report`, `fit`, `odds`"),
-    Kind("bag", "hardware_bridge.recording.bag_reader", "MCAP",
+    Kind("bag", "hardware_bridge.recording.bag_reader", "folder with MCAP",
          "all that a bridge sent, heard and saw in one session", "the bridge",
-         "`replay`, `play`, `fit`, `odds`, Foxglove, PlotJuggler", "bags/example.mcap"),
+         "`replay`, `play`, `fit`, `odds`, `recheck`, rosbag2, Foxglove, PlotJuggler", "bags/example/metadata.yaml"),
     Kind("last pulses", "hardware_bridge.saved_state.last_pulses", "JSON",
          "what each strut was last sent, of one robot", "the bridge, before each write", "the bridge, before it arms"),
     Kind("duty", "hardware_bridge.saved_state.duty_record", "JSON",
@@ -66,6 +66,10 @@ compiled code is compiled again. A YAML file that a program wrote begins with `#
 whoever reads it says so once, and uses it."""
 
 BAG = """\
+A session's bag is a folder `session_TIME` with `session_TIME.mcap` and rosbag2's `metadata.yaml`, so `ros2 bag info` and `play`
+take it; commands here take the folder, the file alone, and the single files of older versions. While the session lives, and after
+it was cut short, there is `session_TIME.mcap.journal` instead, of which the bridge makes the bag at its end or at its next start.
+
 MCAP with ROS 2 messages (`ros2msg`, `cdr`). Topics are under `/recorded/`, names that no live node listens to, so playing a bag
 moves nothing; which topics, is in the [interfaces](interfaces.md). Attached are the library, the prototype and the calibration of
 the session; the metadata hold their hashes and versions.

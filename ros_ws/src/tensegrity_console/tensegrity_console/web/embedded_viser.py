@@ -13,6 +13,7 @@ from typing import Any
 import viser
 import websockets.asyncio.server
 
+from sim_core.files.places import temporary_parent
 from tensegrity_lab.errors import ConsoleError
 
 PAGE: contextvars.ContextVar[str] = contextvars.ContextVar("PAGE", default="")
@@ -26,7 +27,7 @@ class ViserInside(viser.ViserServer):
     """
 
     def __init__(self) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="sixstrut-view-")  # mode 0700
+        self._folder = tempfile.TemporaryDirectory(prefix="sixstrut-view-", dir=temporary_parent())  # mode 0700
         self.path = Path(self._folder.name) / "view"
         try:
             listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)

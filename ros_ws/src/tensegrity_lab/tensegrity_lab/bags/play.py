@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 from rclpy.node import Node
 
 from hardware_bridge.recording.bag_reader import Bag, BagError, Recorded, Session, read_bag
+from sim_core.files.places import temporary_parent
 from sim_core.printable import printable
 from sim_core.twin.follower import MOST_TIME_SCALE
 from tensegrity_interfaces.msg import TwinState
@@ -67,7 +68,7 @@ def play(bag: Path, rate: float, twin: bool, told: Callable[[float, float], None
         session.require(STREAM[0])
     rate = min(rate, MOST_TIME_SCALE / max(1.0, _time_scale(session)))
     with ExitStack() as closing:
-        folder = Path(closing.enter_context(tempfile.TemporaryDirectory(prefix="sixstrut-play-")))
+        folder = Path(closing.enter_context(tempfile.TemporaryDirectory(prefix="sixstrut-play-", dir=temporary_parent())))
         context = own_context()
         closing.callback(context.try_shutdown)
         spinner = Spinner(Node("sixstrut_player", context=context), context)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hardware_bridge.recording.bag_reader import BagError, Session, is_bag_folder, read_session, seconds_of
+from hardware_bridge.recording.bag_reader import BagError, Session, bags_in, is_bag_folder, read_session, seconds_of, whole_bag
 from hardware_bridge.recording.bag_types import TOPICS
 from hardware_bridge.recording.session_bag import bag_folder
 from tensegrity_lab.bags.replay import model_of
@@ -18,7 +18,7 @@ class Foretold(NamedTuple):
     """One roll.
 
     Attributes:
-        bag: file name.
+        bag: its name.
         source, target: faces.
         primitive: name.
         odds: share of rehearsals that succeeded.
@@ -47,14 +47,14 @@ def bags_of(paths: Sequence[Path]) -> list[Path]:
         own = (sorted(below) or sorted(path.rglob("*.db3"))) if path.is_dir() and not is_bag_folder(path) else [path]
         if not own:
             raise BagError(f"{path} holds no bag (*.mcap): give a bag, or the folder of a session that the stack ran")
-        found += own
+        found += map(whole_bag, own)
     return list(dict.fromkeys(found))
 
 
 def newest() -> Path:
     """The session or bag that was begun last, of those where they go. Raises BagError: there is none."""
     folder = bag_folder("")
-    found = [*folder.glob("*.mcap"), *(path.parent for path in folder.glob("*/session.yaml") if any(path.parent.rglob("*.mcap")))]
+    found = [*bags_in(folder), *(path.parent for path in folder.glob("*/session.yaml") if any(path.parent.rglob("*.mcap")))]
     if not found:
         raise BagError(f"there is no bag in {folder}: give one, or make one with: sixstrut demo")
     return max(found, key=lambda path: path.stat().st_mtime_ns)

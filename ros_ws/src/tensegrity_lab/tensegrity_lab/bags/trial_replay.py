@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hardware_bridge.recording.bag_reader import Bag, Session, is_bag_folder, seconds_of
+from hardware_bridge.recording.bag_reader import Bag, Session, bags_in, file_of, is_bag_folder, seconds_of, whole_bag
 from sim_core.dynamics.actuators import ActuatorParameters, following
 from sim_core.dynamics.model import Model, build_model
 from sim_core.errors import SimError
@@ -74,8 +74,9 @@ def trials_of(bag: Path) -> list[Line]:
         SessionError: there are none.
     """
     found: dict[int, Line] = {}
-    alone = is_bag_folder(bag)  # recorded by rosbag2, whose name no trial knows
-    for other in [bag] if alone else sorted({bag, *bag.parent.glob("*.mcap")}):
+    bag = whole_bag(bag)
+    alone = is_bag_folder(bag) and not file_of(bag).is_file()  # recorded by rosbag2, whose name no trial knows
+    for other in [bag] if alone else sorted({bag, *bags_in(bag.parent)}):
         for line in lines_in_bag(other):
             if (alone or line.bag == bag.name) and line.event is Event.TRIAL:
                 found[line.number] = line

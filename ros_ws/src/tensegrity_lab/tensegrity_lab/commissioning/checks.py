@@ -6,6 +6,7 @@ import importlib.util
 import os
 import platform
 import shutil
+import sys
 from collections.abc import Iterator
 from enum import StrEnum
 from pathlib import Path
@@ -16,12 +17,15 @@ from hardware_bridge.calibration.calibration_file import Unfinished, load_calibr
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.prototype_client import handshake as virtual_port
 from hardware_bridge.prototype_client.handshake import default_link
-from hardware_bridge.recording.session_bag import bag_folder
+from hardware_bridge.recording.session_bag import bag_folder, journals_in
 from hardware_bridge.saved_state.state_file import state_directory
-from tensegrity_robot.ros.discovery import PROFILES, RANGE
+from sim_core.files.places import folder_problem, home_problem, temporary_parent
+from tensegrity_lab.stack.simulation_lag import busy_text
+from tensegrity_robot.ros.discovery import PROFILES, RANGE, installed_middlewares, network_problem
 
 FREE_NEEDED_BYTES = 1_000_000_000
 """An hour's session is some 300 MB, and it is written twice while it is finished."""
+TEMPORARY_NEEDED_BYTES = 10_000_000
 PYTHONS = ("3.11", "3.12", "3.13")
 PACKAGES = ("rclpy", "numpy", "numba", "mcap", "pyserial", "typer", "rich", "PyYAML")
 
@@ -69,8 +73,11 @@ def examine(port: str, board: Board, baud: int, calibration: Path | None) -> Ite
     else:
         yield Finding("port", Health.SKIPPED, "none given, and no virtual prototype runs", "give --port, or start a prototype")
     yield check_calibration(calibration, real=bool(port) and not virtual)
-    yield check_folder("bags", bag_folder(""), FREE_NEEDED_BYTES)
-    yield check_folder("state", state_directory(), 1_000_000)
+    yield check_computer()
+    yield check_home()
+    yield check_folder("temporary", Path(temporary_parent()), TEMPORARY_NEEDED_BYTES, "TMPDIR")
+    yield check_folder("bags", bag_folder(""), FREE_NEEDED_BYTES, "SIXSTRUT_BAGS")
+    yield check_folder("state", state_directory(), 1_000_000, "SIXSTRUT_STATE_DIR")
     yield check_network()
 
 
@@ -131,24 +138,46 @@ def check_calibration(path: Path | None, real: bool) -> Finding:
     return Finding(what, Health.MEND, f"{told}: where its struts are and how long they ran is forgotten at each start", mend)
 
 
-def check_folder(what: str, folder: Path, needed_bytes: int) -> Finding:
+def check_computer() -> Finding:
+    """What is there to compute with, and to show it."""
+    processors = len(os.sched_getaffinity(0))
+    encoding = str(getattr(sys.stdout, "encoding", None) or "utf-8")
+    told = f"{processors} processor{'s' if processors > 1 else ''}"
+    if not encoding.lower().startswith("utf"):
+        told += f"; the terminal's encoding is {encoding}: letters that it lacks become others, or ? (export LC_ALL=C.UTF-8)"
+    if busy := busy_text():  # now; it may pass
+        return Finding("computer", Health.FINE, f"{told}; {busy}", "end what else runs, or use --real-time or a low --time-scale")
+    return Finding("computer", Health.FINE, told)
+
+
+def check_home() -> Finding:
+    """Whether caches, logs and state can be kept from one start to the next."""
+    for below in (".cache/sixstrut", ".ros/log", ".local/state/sixstrut"):
+        if problem := home_problem(below):
+            mend = "export HOME=FOLDER, one of yours; or make it yours again: sudo chown -R $USER FOLDER"
+            return Finding("home", Health.MEND, f"{problem}: a temporary folder is used", mend)
+    return Finding("home", Health.FINE, str(Path.home()))
+
+
+def check_folder(what: str, folder: Path, needed_bytes: int, variable: str) -> Finding:
     """Whether a folder, or the one that it will be made in, can be written and has room."""
-    there = folder
-    while not there.exists() and there != there.parent:
-        there = there.parent
-    if not there.is_dir() or not os.access(there, os.W_OK | os.X_OK):
-        return Finding(what, Health.MEND, f"{folder} cannot be written", f"make {there} writable, or choose another folder")
+    if problem := folder_problem(folder, needed_bytes, locks=True):
+        return Finding(what, Health.MEND, problem, f"make it writable, make room, or choose another folder with {variable}")
+    there = next(place for place in (folder, *folder.parents) if place.exists())
     free = shutil.disk_usage(there).free
-    if free < needed_bytes:
-        told = f"{free / 1e9:.2f} GB free for {folder}, {needed_bytes / 1e9:g} GB are needed"
-        return Finding(what, Health.MEND, told, "make room: remove old bags, or choose another disk with SIXSTRUT_BAGS")
-    journals = sorted(folder.glob("*.mcap.journal")) if folder.is_dir() else []
+    journals = journals_in(folder)
     left = f"; {len(journals)} unfinished bags, which the next bridge mends" if journals else ""
     return Finding(what, Health.FINE, f"{folder}, {free / 1e9:.1f} GB free{left}")
 
 
 def check_network() -> Finding:
-    """Who may find the robot. A wider network is a choice, so it is told and not mended."""
+    """Whether nodes find each other, and who may find the robot. A wider network is a choice, so it is told and not mended."""
+    problem, mend = network_problem(os.environ, installed_middlewares())
+    if problem:
+        return Finding("network", Health.MEND, problem, mend)
+    if server := os.environ.get("ROS_DISCOVERY_SERVER"):
+        told = f"ROS_DISCOVERY_SERVER={server}: no node finds another unless that server runs"
+        return Finding("network", Health.FINE, told, "start it first, or unset ROS_DISCOVERY_SERVER")
     asked = os.environ.get(RANGE, "LOCALHOST")
     if asked != "LOCALHOST" or os.environ.get("ROS_STATIC_PEERS"):
         return Finding("network", Health.FINE, f"by your choice other machines may find and command the robot ({RANGE}={asked})")

@@ -13,7 +13,7 @@ import numpy as np
 from sim_core.dynamics.robot import Robot
 from sim_core.structure.topology import FACES, STRUTS, TENDONS
 from tensegrity_lab.bags.replay import ReplayError
-from tensegrity_lab.reports.figure import STRUT_COLORS, halo, new_figure
+from tensegrity_lab.reports.figure import STRUT_COLORS, halo, new_figure, picture_file
 
 FRAMES_PER_S = 15
 LONGEST_REST_S = 0.7
@@ -52,8 +52,9 @@ def moment_of(time_s: float, robot: Robot) -> Moment:
     return Moment(time_s, robot.joints_m().copy(), robot.box_m().copy(), robot.rest_lengths_m().copy())
 
 
-def animate(moments: Sequence[Moment], stands: Sequence[Stand], path: Path, title: str, seconds: float = 8.0) -> int:
-    """Write a moving picture that loops; returns its frames.
+@picture_file
+def animate(moments: Sequence[Moment], stands: Sequence[Stand], path: Path, title: str, seconds: float = 8.0) -> None:
+    """Write a moving picture that loops.
 
     Args:
         moments: in order.
@@ -74,7 +75,6 @@ def animate(moments: Sequence[Moment], stands: Sequence[Stand], path: Path, titl
     images = [Image.open(io.BytesIO(scene.png(moment))).convert("RGB") for moment in shown]
     durations = [1000 // FRAMES_PER_S] * (len(images) - 1) + [LAST_MS]
     images[0].save(path, save_all=True, append_images=images[1:], duration=durations, loop=0, quality=70, method=4)
-    return len(images)
 
 
 def _frames(moments: Sequence[Moment], count: int) -> list[Moment]:

@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Pictures of what the commands did: readable labels, units, colour-blind safe."""
 
-from collections.abc import Sequence
+import sys
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from functools import wraps
+from inspect import signature
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, ParamSpec
 
 import numpy as np
 
 from hardware_bridge.recording.bag_reader import Session
+from sim_core.printable import printable
 from sim_core.rolling.roll import RollResult, Sample
 from sim_core.structure.topology import STRUTS, TENDONS
 from sim_core.studies.binomial_intervals import Rate
@@ -19,14 +24,44 @@ STRUT_COLORS = (BLUE, ORANGE, GREEN, RED, "#cc79a7", "#56b4e9")
 """Okabe–Ito: told apart by everyone."""
 
 
+P = ParamSpec("P")
+
+
+def picture_file(draw: Callable[P, None]) -> Callable[P, Path | None]:
+    """Of a function that draws into the file `path`: in matplotlib's own style whatever the user's is, and whole or not at all.
+
+    A picture that fails is a warning, because what it shows is worth more. Returns the file; None: there is no picture.
+    """
+
+    @wraps(draw)
+    def drawn(*words: P.args, **options: P.kwargs) -> Path | None:
+        given = signature(draw).bind(*words, **options)
+        path = given.arguments["path"]
+        part = given.arguments["path"] = path.with_stem(f"{path.stem}.part")
+        try:
+            import matplotlib as mpl
+
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with mpl.rc_context():
+                mpl.rcdefaults()
+                draw(*given.args, **given.kwargs)
+            part.replace(path)
+        except Exception as error:
+            for rest in (part, path):  # nor an old one, that would be taken for this
+                with suppress(OSError):
+                    rest.unlink(missing_ok=True)
+            print(f"warning: no picture {path}: {printable(error)}", file=sys.stderr)
+            return None
+        return Path(path)
+
+    return drawn
+
+
 def new_figure(width_in: float, height_in: float) -> Any:
-    """An off-screen matplotlib figure."""
-    import matplotlib
+    """A matplotlib figure for a file; pyplot, which would look for a screen, has no part in it."""
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    return plt.figure(figsize=(width_in, height_in), layout="constrained")
+    return Figure(figsize=(width_in, height_in), layout="constrained")
 
 
 def halo() -> Any:
@@ -93,6 +128,7 @@ def draw_intervals(axes: Any, places: Any, rates: Sequence[Rate]) -> None:
     axes.errorbar(places, value, off, fmt="none", ecolor="0.25", elinewidth=1, capsize=2)
 
 
+@picture_file
 def roll_picture(result: RollResult, trace: Sequence[Sample], path: Path, title: str) -> None:
     """Four moments of a roll, its strut lengths and its strut forces."""
     figure = new_figure(12, 7)
@@ -113,6 +149,7 @@ def roll_picture(result: RollResult, trace: Sequence[Sample], path: Path, title:
     figure.savefig(path, dpi=110)
 
 
+@picture_file
 def session_picture(session: Session, replay: Replay, path: Path) -> None:
     """A session: path on the floor with faces, strut lengths over time, twin against prototype."""
     twin_t, twin = np.array(replay.times_s), np.array(replay.twin_m)

@@ -38,7 +38,9 @@ def paragraph(text: str, kind: str = "") -> str:
 
 
 def picture(path: Path, what: str) -> str:
-    """A PNG, inside the page. `what`: it shows, for those who cannot see it."""
+    """A PNG, inside the page, or a line that there is none. `what`: it shows, for those who cannot see it."""
+    if not path.exists():
+        return paragraph(f"(no picture: {what})", "note")
     data = base64.b64encode(path.read_bytes()).decode()
     return f'<p><img alt="{escape(what)}" src="data:image/png;base64,{data}"></p>'
 

@@ -7,11 +7,12 @@ import numpy as np
 
 from sim_core.gaits.library import Library
 from sim_core.structure.roll_classes import CLASSES
-from tensegrity_lab.reports.figure import new_figure
+from tensegrity_lab.reports.figure import new_figure, picture_file
 
 SCALE_MM = 45
 
 
+@picture_file
 def library_picture(library: Library, path: Path) -> None:
     """One panel a class: a row of six coloured strokes for each primitive; success on training prototypes, or margin, beside it."""
     figure = new_figure(11, 6.5)
@@ -40,5 +41,4 @@ def library_picture(library: Library, path: Path) -> None:
     trained = any("success" in p.margins for p in library.primitives)
     right = "success on training prototypes" if trained else "margin of the centre of mass inside its base"
     figure.suptitle(f"Library {library.name}: strokes for the reference pair; right: {right}")
-    path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)

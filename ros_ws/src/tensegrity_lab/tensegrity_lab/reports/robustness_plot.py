@@ -9,9 +9,10 @@ import numpy as np
 from sim_core.structure.roll_classes import TC_TO, TO_TC
 from sim_core.studies.attribution import Attribution
 from sim_core.studies.robustness import Study
-from tensegrity_lab.reports.figure import BLUE, ORANGE, RED, draw_rates, new_figure
+from tensegrity_lab.reports.figure import BLUE, ORANGE, RED, draw_rates, new_figure, picture_file
 
 
+@picture_file
 def robustness_picture(study: Study, blame: Attribution | None, path: Path, title: str) -> None:
     """Bars sorted by rate with their intervals, a histogram, and, if known, the uncertainties to blame."""
     if blame is not None and not blame.failed:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hardware_bridge.recording.bag_reader import is_bag_folder, whole_bag
 from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of
 from sim_core.studies.model_agreement import Agreement, compare
 from tensegrity_lab.errors import SessionError
@@ -23,6 +24,7 @@ from tensegrity_lab.reports.success_statistics import (
     many_kinds,
     two_kinds,
 )
+from tensegrity_lab.session_data.bag_messages import lines_in_bag
 from tensegrity_lab.session_data.folder import SessionFolder, open_session
 from tensegrity_lab.session_data.ledger import LEDGER, read_lines, standing_of
 from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome
@@ -36,17 +38,19 @@ PAPER = {
 
 @dataclass(frozen=True)
 class Told:
-    """One session's ledger, read.
+    """One session's ledger, read, or the trials that a bag holds.
 
     Attributes:
-        folder: the session.
+        path: of the session, or of the bag.
+        folder: the session; None of a bag.
         lines: every trial with its outcome, in order, revoked ones too.
         valid: successes and failures that stand.
         voids: how many that stand are void.
         revoked: numbers of those that do not.
     """
 
-    folder: SessionFolder
+    path: Path
+    folder: SessionFolder | None
     lines: list[Line]
     valid: list[Line]
     voids: int
@@ -54,12 +58,17 @@ class Told:
 
 
 def read_told(path: Path) -> Told:
-    """Read a session. Raises SessionError: it is none, or its ledger contradicts itself."""
-    folder = open_session(path)
-    lines = read_lines(path / LEDGER)[0] if (path / LEDGER).exists() else []
+    """Read a session or a bag. Raises SessionError: it is none, or its ledger contradicts itself."""
+    if path.suffix == ".mcap" or is_bag_folder(path):
+        folder, lines = None, lines_in_bag(path)
+        if not lines:
+            raise SessionError(f"{path} holds no trials: no session ran while it was recorded; `odds`, `replay` and `play` take it")
+    else:
+        folder, ledger = open_session(path), path / LEDGER
+        lines = read_lines(ledger)[0] if ledger.exists() else []
     standing = standing_of(lines)
     ended = [line for line in lines if line.event is Event.TRIAL]
-    return Told(folder, ended, standing.valid, len(standing.trials) - len(standing.valid), standing.revoked)
+    return Told(path, folder, ended, standing.valid, len(standing.trials) - len(standing.valid), standing.revoked)
 
 
 class Group:
@@ -78,7 +87,7 @@ class Group:
         """Read them. Raises SessionError: nothing was tried yet, one was given twice, or virtual and real trials are mixed."""
         self.letter = letter
         self.sessions = [read_told(path) for path in paths]
-        names = [told.folder.path.resolve() for told in self.sessions]
+        names = [whole_bag(told.path.resolve()) for told in self.sessions]
         if len(set(names)) < len(names):
             raise SessionError(f"a session is given twice: {', '.join(map(str, paths))}")
         self.lines = [line for told in self.sessions for line in told.valid]
@@ -98,10 +107,11 @@ class Group:
         order = [
             self._name(told.folder.settings.library, told.folder.settings.library_hash, primitive.name)
             for told in self.sessions
+            if told.folder is not None
             for primitive in told.folder.library.primitives
         ]
-        tried = {self.name_of(line) for line in self.lines}
-        self.names = [name for name in dict.fromkeys(order) if name in tried]
+        tried = {self.name_of(line): (len(line.primitive), line.primitive) for line in self.lines}
+        self.names = [name for name in dict.fromkeys([*order, *sorted(tried, key=tried.__getitem__)]) if name in tried]
 
     def _name(self, library: str, library_hash: str, primitive: str) -> str:
         return f"{library} {library_hash[:4]} {primitive}" if self._several else primitive

@@ -11,11 +11,22 @@ from matplotlib.colors import Colormap, LinearSegmentedColormap
 from sim_core.structure.symmetry import CARRIERS
 from sim_core.structure.topology import PAIRS
 from tensegrity_lab.bags.trial_replay import PARTED_M, Course
-from tensegrity_lab.reports.figure import BLUE, GREEN, ORANGE, RED, draw_intervals, draw_lengths, draw_rates, new_figure
+from tensegrity_lab.reports.figure import (
+    BLUE,
+    GREEN,
+    ORANGE,
+    RED,
+    draw_intervals,
+    draw_lengths,
+    draw_rates,
+    new_figure,
+    picture_file,
+)  # fmt: skip
 from tensegrity_lab.reports.success_statistics import Calibration
 from tensegrity_lab.reports.trial_analysis import Group
 
 
+@picture_file
 def figure_8(groups: Sequence[Group], path: Path) -> None:
     """The paper's Figure 8: (a), (b) success rates of each library's primitives with intervals, (c) both distributions."""
     figure = new_figure(13, 4.2 * len(groups) + 0.4)
@@ -44,6 +55,7 @@ def _distributions(axes: Any, groups: Sequence[Group]) -> None:
     axes.legend(loc="lower right", frameon=False)
 
 
+@picture_file
 def gaits_picture(group: Group, path: Path) -> None:
     """Every primitive (row) in every pair of faces (column): share of successes; below, each pair's rate by direction."""
     columns = [PAIRS.index(pair if pair[0].startswith("TC") else pair[::-1]) for pair in group.pairs]
@@ -75,6 +87,7 @@ def _colors() -> Colormap:
     return LinearSegmentedColormap.from_list("shares", [RED, BLUE], N=11).with_extremes(bad="white")
 
 
+@picture_file
 def calibration_picture(rows: Sequence[tuple[str, Calibration]], path: Path) -> None:
     """Predicted probability against the share that succeeded, of up to two (label, calibration)."""
     figure = new_figure(5.2, 4.6)
@@ -91,6 +104,7 @@ def calibration_picture(rows: Sequence[tuple[str, Calibration]], path: Path) -> 
     figure.savefig(path, dpi=100)
 
 
+@picture_file
 def course_picture(course: Course, path: Path) -> None:
     """One replayed trial: what was sent, and how far twin and record are apart."""
     line = course.line

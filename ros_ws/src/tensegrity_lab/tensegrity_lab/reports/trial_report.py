@@ -161,7 +161,7 @@ class TrialReport:
         yield html.heading("Trials, each with the command that replays it")
         for group in self.groups:
             for told in group.sessions:
-                yield html.folded(f"({group.letter}) {told.folder.path.name}: {len(told.lines)} trials", _trial_table(told))
+                yield html.folded(f"({group.letter}) {told.path.name}: {len(told.lines)} trials", _trial_table(told))
 
     def _agreement(self) -> str:
         rows: list[Sequence[object]] = []
@@ -202,7 +202,8 @@ def replay_command(told: Told, line: Line) -> str:
     """Replays one trial; empty if it is in no bag."""
     if not line.bag:
         return ""
-    return f"./sixstrut replay {shlex.quote(str(told.folder.bags / line.bag))} --trial {line.number}"
+    bag = told.path if told.folder is None else told.folder.bags / line.bag
+    return f"./sixstrut replay {shlex.quote(str(bag))} --trial {line.number}"
 
 
 def p_text(p: float) -> str:
@@ -211,11 +212,12 @@ def p_text(p: float) -> str:
 
 
 def _session_row(letter: str, told: Told) -> Sequence[object]:
-    settings = told.folder.settings
     times = [line.began for line in told.lines if line.began]
     first, last = (min(times)[:16], max(times)[:16]) if times else ("", "")
-    counts = (len(told.folder.plan), len(told.valid), told.voids, len(told.revoked))
-    return (f"({letter})", told.folder.path.name, settings.robot, settings.library, *counts, first, last)
+    planned = "" if told.folder is None else len(told.folder.plan)
+    counts = (planned, len(told.valid), told.voids, len(told.revoked))
+    robots, libraries = (", ".join(dict.fromkeys(getattr(line, key) for line in told.lines)) for key in ("robot", "library"))
+    return (f"({letter})", told.path.name, robots, libraries, *counts, first, last)
 
 
 def _trial_table(told: Told) -> str:

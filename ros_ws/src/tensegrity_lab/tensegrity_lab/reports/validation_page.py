@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from sim_core.validation import TOPICS, Case, Comparison, Picture
-from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure
+from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure, picture_file
 from tensegrity_lab.reports.markdown import table
 
 MARKERS = "os^Dv"
@@ -33,9 +33,9 @@ def found(result: Comparison) -> str:
     return f"{result.error:.1e}" if not result.relative else f"{100.0 * result.error:.2g} %"
 
 
+@picture_file
 def picture(data: Picture, path: Path, title: str) -> None:
     """One picture, as a small PNG."""
-    import matplotlib.pyplot as plt
     import numpy as np
 
     figure = new_figure(6.4, 3.8)
@@ -65,7 +65,6 @@ def picture(data: Picture, path: Path, title: str) -> None:
     if len(data.curves) > 1:
         axes.legend(frameon=False, fontsize="small")
     figure.savefig(path, dpi=90)
-    plt.close(figure)
 
 
 def write_page(path: Path, cases: Mapping[str, Case], model_hash: str, steps_per_second: int) -> list[Path]:
@@ -102,8 +101,9 @@ def write_page(path: Path, cases: Mapping[str, Case], model_hash: str, steps_per
             out.append(f"* **{case.name}** (`{name}`): {case.checked} *Reference:* {case.source}.{more}")
         for name, case in chosen.items():
             if case.picture is not None:
-                files.append(folder / f"{name}.png")
-                picture(case.picture, files[-1], case.name)
+                if (drawn := picture(case.picture, folder / f"{name}.png", case.name)) is None:
+                    continue
+                files.append(drawn)
                 shown = f"{case.name}: {case.picture.y_label} over {case.picture.x_label}"
                 out += ["", f"![{shown}]({folder.relative_to(path.parent)}/{name}.png)"]
     path.write_text("\n".join(out) + "\n", encoding="utf-8")

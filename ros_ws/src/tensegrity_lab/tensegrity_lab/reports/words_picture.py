@@ -10,9 +10,10 @@ from sim_core.dynamics.robot import Robot
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.topology import FACES, STRUTS, TENDONS
 from tensegrity_lab.reports.animation import DPI, Scene, Stand, moment_of
-from tensegrity_lab.reports.figure import GREEN, ORANGE, halo
+from tensegrity_lab.reports.figure import GREEN, ORANGE, halo, picture_file
 
 
+@picture_file
 def words_picture(path: Path, prototype: Prototype, face: str = "TC6") -> None:
     """Draw a robot at rest on a face, with one closed and one open face, a strut, a tendon and the box named."""
     moment = moment_of(0.0, Robot.resting_on(build_model(prototype), face))

@@ -48,7 +48,7 @@ class Line:
         wall_s: from `began` to the outcome (s).
         battery_v: servo supply (V); NaN: the board does not tell.
         faults: what the bridge complained of.
-        bag, bag_offset_s: file name, and where in it the roll begins (s after its first message).
+        bag, bag_offset_s: its name, and where in it the roll begins (s after its first message).
     """
 
     event: Event

@@ -78,6 +78,7 @@ class StackClient:
         domain: int | None = None,
         name: str = "sixstrut_operator",
         events: bool = False,
+        namespace: str = "",
     ):
         """Join ROS.
 
@@ -87,16 +88,18 @@ class StackClient:
             domain: of ROS; None: the shell's, found as the nodes find each other.
             name: of the node.
             events: keep the bridge's events and diagnostics.
+            namespace: of the stack.
         """
         self._stack, self._only, self.prototype = stack, prototype, prototype
         self._context = own_context(domain)
-        self.node = node = Node(name, context=self._context)
+        self.node = node = Node(name, context=self._context, namespace=namespace)
         self.bridge: Any = None
         self.twin: Any = None
         self.observed: Any = None
         self.rehearsal: Any = None
         self.heard = 0.0
         self.sent: list[Any] = []
+        self._wrote = "", 0
         self.diagnostics: dict[str, Any] = {}
         self.feedback: list[str] = []
         self.asked_ns = 0
@@ -111,7 +114,7 @@ class StackClient:
         topics.REHEARSAL.subscribe(node, keep("rehearsal"))
         self._events = events
         if events:
-            topics.STRUTS_SENT.subscribe(node, lambda sent: self._live.takes(sent, self.sent.append), EVENTS)
+            topics.STRUTS_SENT.subscribe(node, lambda sent: self._live.takes(sent, self._on_sent), EVENTS)
             topics.DIAGNOSTICS.subscribe(node, self._on_diagnostics)
         self._proof = topics.LEASE.publisher(node)
         node.create_timer(0.2, self._prove)
@@ -144,6 +147,11 @@ class StackClient:
 
     def _on_twin(self, state: TwinState) -> None:
         self.twin = state
+
+    def _on_sent(self, message: Any) -> None:
+        self.sent.append(message)
+        if not message.heartbeat:
+            self._wrote = message.session, message.seq
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         self.diagnostics.update({status.name: status for status in message.status})
@@ -217,8 +225,12 @@ class StackClient:
 
     def is_quiet(self) -> bool:
         """The last that was seen of the robot is that it rests, and nothing was written since."""
-        writes = [message.seq for message in self.sent if not message.heartbeat]
-        return bool(self.observed.settled and self.observed.face and (not writes or self.observed.seq > writes[-1]))
+        return bool(self.rests() and self.observed.face)
+
+    def rests(self) -> bool:
+        """The same, wherever it rests: on no face as well."""
+        session, seq = self._wrote
+        return bool(self.observed.settled and (self.observed.session != session or self.observed.seq > seq))
 
     def sees(self, state: str, limit_s: float = 30.0) -> None:
         """Wait for a state of the bridge."""

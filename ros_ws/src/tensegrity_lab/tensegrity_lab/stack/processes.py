@@ -12,6 +12,7 @@ from typing import Self
 
 from hardware_bridge.driver.child_process import bound
 from tensegrity_lab.errors import StackError
+from tensegrity_lab.stack.simulation_lag import busy_text
 
 START_LIMIT_S = 60.0
 STOP_LIMIT_S = 20.0
@@ -217,6 +218,7 @@ def wait_until(condition: Callable[[], object], limit_s: float, what: str, stack
         if stack is not None:
             stack.require_alive()
         if time.monotonic() > end:
+            busy = f": {busy_text()}" if busy_text() else ""
             where = f"; the logs are in {stack.folder}" if stack is not None else ""
-            raise StackError(f"{what} did not come within {limit_s:g} s{where}")
+            raise StackError(f"{what} did not come within {limit_s:g} s{busy}{where}")
         time.sleep(0.005)

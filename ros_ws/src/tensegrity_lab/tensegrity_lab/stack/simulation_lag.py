@@ -1,12 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """How late a virtual prototype is on a busy computer: its body is behind, or it took its orders too late."""
 
+import os
 import time
 
 from hardware_bridge.prototype_client.observation import Observation
 
+BUSY = 1.5
+"""Load a processor from which on a stack, which itself needs about one, cannot keep its times."""
 LATE_S = 1.0
 """A virtual prototype that took its orders later than this (s of robot time) has not done what it was told."""
+
+
+def busy_text() -> str:
+    """Whether others keep this computer from the work here, for people; empty: they do not."""
+    load, processors = os.getloadavg()[0], len(os.sched_getaffinity(0))
+    return f"this computer is busy (load {load:.1f} on {processors} processors)" if load > BUSY * processors else ""
 
 
 class Lateness:

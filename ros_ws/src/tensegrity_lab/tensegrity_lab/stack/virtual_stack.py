@@ -2,6 +2,7 @@
 """A whole stack on a virtual prototype: its processes, started together. For demo, travel and console."""
 
 import os
+import re
 import sys
 import tempfile
 import time
@@ -15,14 +16,20 @@ from typing import Any
 from hardware_bridge.boards.registry import parse_board
 from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
 from sim_core.dynamics.actuators import require_actuators
+from sim_core.files.places import folder_problem, temporary_parent
 from sim_core.gaits.library import load_library
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.topology import require_face
+from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.processes import Stack, wait_until
 from tensegrity_lab.stack.ros_domain import private_domain
 from tensegrity_lab.terminal.compile_notice import compile_first
 from tensegrity_lab.terminal.leaving import uninterrupted
 
+FREE_BYTES = 200_000_000
+"""Room on the disk without which no robot is started: with less the bridge refuses motions."""
+_RECORDING = re.compile(r", recording (.+\.mcap); ")
+"""As `hardware_bridge_node` says it."""
 START_LIMIT_S = 180.0
 """The first time on a machine its kernels are compiled."""
 
@@ -53,6 +60,13 @@ def start_prototype(stack: Stack, link: Path, words: Mapping[str, object]) -> Ha
     return found[0]
 
 
+def recorded_bag(stack: Stack) -> Path | None:
+    """What the newest bridge of a stack recorded, by its log: on a busy computer its word of it may not be heard. None: nothing."""
+    logs = sorted(stack.folder.glob("hardware_bridge*.log"), key=lambda log: log.stat().st_mtime)
+    told = _RECORDING.findall(logs[-1].read_text(encoding="utf-8", errors="replace")) if logs else []
+    return Path(told[-1]) if told else None
+
+
 @dataclass(frozen=True)
 class VirtualRobot:
     """A virtual prototype, and what drives it.
@@ -77,6 +91,8 @@ class VirtualRobot:
 
     def require(self) -> None:
         """Raises SimError, BridgeError: something that cannot be, before anything is started."""
+        if problem := folder_problem(self.bags, FREE_BYTES, locks=True):
+            raise StackError(f"{problem}: choose another folder for the bags")
         require_face(self.face)
         parse_board(self.board)
         require_actuators(self.actuators)
@@ -166,7 +182,8 @@ def running(
     """
     robot.require()
     robot.bags.mkdir(parents=True, exist_ok=True)
-    with private_domain(domain) as own, tempfile.TemporaryDirectory(prefix=f"sixstrut-{name}-") as folder:
+    scratch = tempfile.TemporaryDirectory(prefix=f"sixstrut-{name}-", dir=temporary_parent())
+    with private_domain(domain) as own, scratch as folder:
         told(robot.describe)
         told(own.describe)
         robot.compile()

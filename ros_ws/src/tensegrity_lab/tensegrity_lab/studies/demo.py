@@ -4,6 +4,7 @@
 import random
 import signal
 import sys
+import time
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
@@ -16,9 +17,11 @@ from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from sim_core.structure.symmetry import GROUP, carrier
 from tensegrity_lab.bags.replay import replay
+from tensegrity_lab.errors import StackError
 from tensegrity_lab.reports.figure import session_picture
 from tensegrity_lab.stack.processes import Stack
-from tensegrity_lab.stack.virtual_stack import VirtualRobot, running
+from tensegrity_lab.stack.simulation_lag import busy_text
+from tensegrity_lab.stack.virtual_stack import VirtualRobot, recorded_bag, running
 from tensegrity_lab.studies.demo_route import next_face, walk
 from tensegrity_lab.terminal.leaving import uninterrupted
 
@@ -37,23 +40,19 @@ def _interrupt(_number: int, _frame: Any) -> None:
 
 
 class Demo:
-    """A number of rolls of a virtual robot.
-
-    Attributes:
-        bag: what was recorded; None: nothing was yet.
-    """
+    """A number of rolls of a virtual robot."""
 
     def __init__(self, rolls: int, robot: VirtualRobot, console: bool = False, domain: int | None = None):
         """Args: console: also in the browser. domain: of ROS; None: any that is free."""
         self._wanted, self._robot, self._browser, self._domain = rolls, robot, console, domain
         self._console = Console(highlight=False, soft_wrap=not sys.stdout.isatty())  # at a terminal lines break between words
         self._done = self._tries = self._mirrors = 0
-        self.bag: Path | None = None
 
     def run(self) -> int:
-        """Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not."""
+        """Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not. Raises StackError at the end."""
         signal.signal(signal.SIGTERM, _interrupt)
         show, stopped, stack = self._console.print, False, None
+        trouble: StackError | None = None
         try:
             with ExitStack() as ending:
                 self._robot.require()
@@ -65,11 +64,17 @@ class Demo:
                 self._operate(stack, handshake.instance)
         except KeyboardInterrupt:
             stopped = True
+        except StackError as error:
+            if stack is None:
+                raise
+            trouble = error
         failed = {} if stack is None else {name: code for name, code in stack.codes.items() if code != 0}
         show("")
         for name, code in failed.items():
             show(f"warning: {name} ended with exit code {code}; its log is in {self._robot.bags / 'logs'}")
-        self._summary(stopped)
+        self._summary(stopped, None if stack is None else recorded_bag(stack))
+        if trouble is not None:
+            raise trouble
         return 0 if not failed and (stopped or self._done >= self._wanted) else 1
 
     def _open_console(self, stack: Stack) -> None:
@@ -83,21 +88,32 @@ class Demo:
     def _operate(self, stack: Stack, prototype: str) -> None:
         from tensegrity_lab.stack.client import StackClient  # rclpy: only once the processes are on their way
 
-        operator = StackClient(stack, prototype)
+        operator = StackClient(stack, prototype, events=True)
         try:
             with self._console.status("waiting for bridge, planner and twin to find each other"):
                 operator.watch_joints()
                 operator.wait_for_stack()
-            with self._console.status("arming: the struts are energised one by one, then go to mid stroke"):
-                operator.arm(neutral_lengths(load_prototype()).tolist())
+            self._arm(operator, neutral_lengths(load_prototype()).tolist())
             self._console.print(f"armed; standing on {operator.observed.face} ({operator.observed.source})\n")
             self._rolls(operator)
             operator.disarm()
         finally:
-            if operator.bridge is not None and operator.bridge.bag:  # the bridge may begin it after it was first heard
-                self.bag = Path(operator.bridge.bag)
             with uninterrupted():
                 operator.close()
+
+    def _arm(self, operator: Any, lengths_m: list[float]) -> None:
+        with self._console.status("arming: the struts are energised one by one, then go to mid stroke"):
+            operator.arm(lengths_m)
+
+    def _standing(self, operator: Any) -> str:
+        """The face that the robot rests on, armed; empty: none. Where it was seen before it was last moved says nothing."""
+        if operator.bridge.state != operator.bridge.ARMED:
+            self._console.print(f"      arming again: {operator.bridge.reason}")
+            self._arm(operator, [])
+        with self._console.status("waiting for rest"):
+            operator.wait(operator.rests, "rest, as the observer sees it,", 30.0 + ROLL_LIMIT_S / self._robot.time_scale)
+        operator.sent.clear()  # what was needed of it is known
+        return str(operator.observed.face)
 
     def _rolls(self, operator: Any) -> None:
         header = f"{'roll':>4}  {'gait':<22} {'predicted':<10} {'observed':<10} {'robot time':>10}   twin to prototype (mean, max)"
@@ -106,7 +122,10 @@ class Demo:
         rng, before = random.Random(self._robot.seed), None
         misses = 0
         while self._done < self._wanted and misses < MISSES_ALLOWED:
-            here = operator.observed.face
+            here = self._standing(operator)
+            if not here:
+                self._console.print("      the prototype stands on no face: there is no gait from there")
+                return
             on_route = here == route[self._done] and not misses
             target = route[self._done + 1] if on_route else next_face(here, before, used, self._mirrors == 0, rng)
             element = carrier(here, target)
@@ -129,9 +148,10 @@ class Demo:
             else:
                 misses += 1
                 self._console.print(f"{'miss':>4}  {row}\n      {result.reason}")
-                if not operator.observed.face:
-                    self._console.print("      the prototype stands on no face: there is no gait from there")
-                    return
+                if busy := busy_text():
+                    self._console.print(f"      {busy}: that may be why, and not the robot; --real-time needs less of it")
+                missed = time.monotonic()
+                operator.wait(lambda missed=missed: operator.heard > missed, "the bridge's state")
             before = here
 
     def _roll(self, operator: Any, target: str) -> Any:
@@ -144,24 +164,23 @@ class Demo:
 
             return operator.roll(target, tell=show, limit_s=30.0 + ROLL_LIMIT_S / self._robot.time_scale)
 
-    def _summary(self, stopped: bool) -> None:
+    def _summary(self, stopped: bool, bag: Path | None) -> None:
         show, robot = self._console.print, self._robot
         kind = f"{self._done} of {self._wanted} rolls succeeded in {self._tries} tries, {self._mirrors} of them by mirrored gaits"
         show("stopped by you: struts held, bag closed" if stopped else kind)
         off = f"off by ±{100 * robot.perturbation:g} % (docs/model.md, Perturbed prototypes), seed {robot.seed}"
         show(f"virtual prototype: {off}")
-        if self.bag is None or not self.bag.exists():
-            show("no bag was recorded" if self.bag is None else f"the bag {self.bag} is missing")
+        if bag is None or not bag.exists():
+            show("no bag was recorded" if bag is None else f"the bag {bag} is missing")
             return
-        show(f"bag: {self.bag.resolve()}")
-        session = read_session(self.bag, topics=TOPICS)
+        show(f"bag: {bag.resolve()}")
+        session = read_session(bag, topics=TOPICS)
         if not any(True for _ in session.of("bridge/struts_sent")):
             return
         result = replay(session)
-        picture = self.bag.with_suffix(".png")
-        session_picture(session, result, picture)
-        show(f"picture: {picture.resolve()}")
-        show(f"replay it: ./sixstrut replay {_short(self.bag)}   (twin's final state {result.digest[:16]}…)")
+        show(f"replay it: ./sixstrut replay {_short(bag)}   (twin's final state {result.digest[:16]}…)")
+        if picture := session_picture(session, result, bag.with_suffix(".png")):
+            show(f"picture: {picture.resolve()}")
 
 
 def _short(path: Path) -> Path:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hardware_bridge.recording.bag_reader import is_bag_folder, read_session
+from hardware_bridge.recording.bag_reader import is_bag_folder, read_session, whole_bag
 from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.dynamics.model import Model, build_model
 from sim_core.gaits.library import Gait, Library, load_library
@@ -72,7 +72,7 @@ def read_tries(paths: Sequence[Path], model: Model, library: str | None = None) 
         SessionError: nothing to fit to, several robots or libraries, virtual and real trials mixed, or gaits of another model.
         LibraryError, BagError.
     """
-    doubles = [path for path, count in Counter(path.resolve() for path in paths).items() if count > 1]
+    doubles = [path for path, count in Counter(whole_bag(path.resolve()) for path in paths).items() if count > 1]
     if doubles:
         raise SessionError(f"{doubles[0]} is given twice: its trials would count twice")
     parts = [
@@ -110,6 +110,7 @@ def _require_model(tries: Tries, model: Model) -> None:
 
 def _session(path: Path) -> Tries:
     told = read_told(path)
+    assert told.folder is not None
     settings = told.folder.settings
     return _of_lines(path.name, settings.robot, settings.virtual_robot, told.folder.library, told.valid, bool(settings.computed))
 

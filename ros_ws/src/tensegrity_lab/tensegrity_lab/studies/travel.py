@@ -16,7 +16,7 @@ from sim_core.structure.policy import neutral_lengths
 from tensegrity_lab.bags.replay import observed_path
 from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
-from tensegrity_lab.stack.virtual_stack import VirtualRobot, running
+from tensegrity_lab.stack.virtual_stack import VirtualRobot, recorded_bag, running
 from tensegrity_lab.terminal.leaving import uninterrupted
 
 ROLL_LIMIT_S, REST_LIMIT_S = 60.0, 1_300.0
@@ -102,7 +102,8 @@ def travel(
         running(robot, "travel", say, domain, {"use_odds": use_odds}) as (stack, handshake),
         closing(ObserverClient(handshake.observer, late.saw)),
     ):
-        result, bag = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
+        result = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
+    bag = str(recorded_bag(stack))
     known = goal_m, robot.library, use_odds, robot.seed, robot.incline_deg, robot.perturbation
     end = bool(result.success), str(result.reason), int(result.rolls), int(result.missed)
     ways = float(result.left_m), float(result.path_m), float(result.straight_m), float(result.duration_s)
@@ -119,8 +120,8 @@ def _operate(
     reach_m: float,
     most_rolls: int,
     tell: Callable[[str], None],
-) -> tuple[Any, str]:
-    """The action's result, and the bag."""
+) -> Any:
+    """The action's result."""
     from tensegrity_lab.stack.client import StackClient  # rclpy: only once the processes are on their way
 
     operator = StackClient(stack, prototype)
@@ -136,9 +137,8 @@ def _operate(
         limit_s = 120.0 + ((most_rolls or 60) * ROLL_LIMIT_S + REST_LIMIT_S) / robot.time_scale
         late.forget()  # while the stack starts, a computer is always busy
         result = operator.travel(goal_m, reach_m, most_rolls, show, limit_s)
-        bag = str(operator.bridge.bag)
         operator.disarm()
-        return result, bag
+        return result
     finally:
         with uninterrupted():
             operator.close()

@@ -7,10 +7,11 @@ from typing import Any
 
 import numpy as np
 
-from tensegrity_lab.reports.figure import BLUE, GREEN, RED, label_beside, new_figure
+from tensegrity_lab.reports.figure import BLUE, GREEN, RED, label_beside, new_figure, picture_file
 from tensegrity_lab.studies.travel import Trip
 
 
+@picture_file
 def travel_picture(trip: Trip, path: Path) -> None:
     """One travel, with the faces stood on and the straight way."""
     figure = new_figure(7, 6)
@@ -25,6 +26,7 @@ def travel_picture(trip: Trip, path: Path) -> None:
     figure.savefig(path, dpi=110)
 
 
+@picture_file
 def study_picture(panels: Sequence[tuple[str, Sequence[Trip]]], path: Path) -> None:
     """A panel for each (title, trips), two in a row."""
     rows = (len(panels) + 1) // 2

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 
 from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
 from hardware_bridge.prototype_client.observer_client import ObserverClient
+from sim_core.files.places import temporary_parent
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from tensegrity_lab.errors import SessionError, StackError, granted
@@ -22,15 +23,13 @@ from tensegrity_lab.session_data.folder import LIBRARY, LOGS, SessionFolder
 from tensegrity_lab.session_data.ledger_line import Line
 from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
-from tensegrity_lab.stack.virtual_stack import VirtualRobot
+from tensegrity_lab.stack.virtual_stack import FREE_BYTES, VirtualRobot
 
 ROLL_LIMIT_S = 150.0
 """Robot time that one roll may take, all motions and all settlings."""
 CALM_LIMIT_S = 60.0
 """Robot time within which the robot is seen at rest."""
 SILENT_S = 3.0
-FREE_BYTES = 200_000_000
-"""Room on the disk without which no trial begins."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +123,7 @@ class RobotAccess:
 
     def _start_prototype(self, stack: Stack, face: str) -> tuple[str, Handshake]:
         settings, hardware = self._session.settings, self._hardware
-        self._links = Path(tempfile.mkdtemp(prefix="sixstrut-trial-"))  # short: a socket's path has at most 107 bytes
+        self._links = Path(tempfile.mkdtemp(prefix="sixstrut-trial-", dir=temporary_parent()))
         link = self._links / "prototype"
         robot = VirtualRobot(face, settings.seed, settings.perturbation, hardware.time_scale, hardware.board, settings.actuators)
         return str(link), robot.start_prototype(stack, link)
@@ -220,7 +219,7 @@ class RobotAccess:
         self.operator.wait(lambda: self.operator.bridge.bag_messages > before, "growth of the bag", 5.0)
 
     def bag_place(self, time_ns: int) -> tuple[str, float]:
-        """The bag's file name, and how long after its first message a time is (s)."""
+        """The bag's name, and how long after its first message a time is (s)."""
         bridge = self.operator.bridge
         began_ns = bridge.bag_began.sec * 1_000_000_000 + bridge.bag_began.nanosec
         return Path(bridge.bag).name, (time_ns - began_ns) * 1e-9 if began_ns else math.nan

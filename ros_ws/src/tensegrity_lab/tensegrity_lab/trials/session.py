@@ -108,11 +108,12 @@ class Session:
 
     def _not_in_bags(self) -> list[Line]:
         """Lines that are in no bag yet: the session was killed in between."""
+        from hardware_bridge.recording.bag_reader import bags_in
         from hardware_bridge.recording.session_bag import mend_journals
 
         for told in mend_journals(self._folder.bags.resolve()):
             self._panel.line(told)
-        logged = {(line.event, line.number) for bag in sorted(self._folder.bags.glob("*.mcap")) for line in lines_in_bag(bag)}
+        logged = {(line.event, line.number) for bag in bags_in(self._folder.bags) for line in lines_in_bag(bag)}
         return [line for line in self._ledger.lines if line.event is not Event.BEGIN and (line.event, line.number) not in logged]
 
     def _start_face(self, standing: Standing, due: list[Slot]) -> str:

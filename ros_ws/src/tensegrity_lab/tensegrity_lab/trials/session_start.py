@@ -18,6 +18,7 @@ from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.prototype_client.handshake import read_handshake
 from sim_core.dynamics.actuators import require_actuators
 from sim_core.dynamics.model import build_model
+from sim_core.files.places import folder_problem
 from sim_core.gaits.library import Library, load_library
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
@@ -98,6 +99,8 @@ def run(asked: TrialRequest) -> int:
     if asked.hardware.calibration:
         load_calibration(asked.hardware.calibration)
     path = asked.session or _new_path(asked)
+    if not asked.plan_only and (problem := folder_problem(path, locks=True)):
+        raise SessionError(f"{problem}: give another folder for the session")
     begun = None if is_session(path) else _planned(asked, path, console)
     path.mkdir(parents=True, exist_ok=True)  # not before the plan is valid
     for number in (signal.SIGTERM, signal.SIGHUP):
@@ -221,7 +224,7 @@ class _Run:
         lab = RobotAccess(folder, replace(asked.hardware, observed=self._automatic), lock, *domain.locks)
         try:
             with ExitStack() as stack:
-                terminal = sys.stdout.isatty()
+                terminal = self._console.is_terminal and not self._console.is_dumb_terminal
                 keys, panel = None, Panel(self._kind, terminal)
                 if sys.stdin.isatty():
                     remote = stack.enter_context(closing(Remote()))

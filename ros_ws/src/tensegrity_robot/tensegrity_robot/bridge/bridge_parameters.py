@@ -15,7 +15,7 @@ from tensegrity_robot.ros.node_parameters import parameter
 class BridgeParameters:
     """Parameters of the bridge; the descriptions are what `ros2 param describe` shows."""
 
-    port: str = parameter("", "device or socket://HOST:PORT of the board; empty: the virtual prototype's well-known link")
+    port: str = parameter("", "device or socket://HOST:PORT of the board; empty: the link of this namespace's virtual prototype")
     board: str = parameter("lsc", SERVO_BOARD)
     baud: int = parameter(0, "rate of board and port [baud]; 0: the board's usual, lsc 9600, else 115200", low=0, high=1_000_000)
     observer: str = parameter("", "Unix socket of an observer; empty: the virtual prototype's own, if the port is its")

@@ -41,13 +41,14 @@ from tensegrity_robot.bridge.session_facts import session_files
 from tensegrity_robot.bridge.shape_judge import ShapeRule
 from tensegrity_robot.ros import conversions
 from tensegrity_robot.ros.errors import StartError
+from tensegrity_robot.ros.node_help import About
 from tensegrity_robot.ros.node_parameters import declare_parameters
 from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
 from tensegrity_robot.ros.topics import BRIDGE_FACE, BRIDGE_JOINT_STATES, BRIDGE_STATE, DIAGNOSTICS, FRAMES, STRUTS_SENT, TWIN_STATE
 
 FEEDBACK_PERIOD_S = 0.1
 STATE_PERIOD_S = 0.5
-NO_PROTOTYPE = "no virtual prototype is running: start one with `ros2 run tensegrity_robot virtual_prototype`, or give a port"
+NO_PROTOTYPE = "no virtual prototype is running: start one with `ros2 run tensegrity_robot virtual_prototype{}`, or give a port"
 
 SET_ON_THE_BOARD = (
     "what cannot be set from here, and must be set in Pololu's Control Center: home of the six channels on Ignore, speed and "
@@ -78,6 +79,7 @@ class HardwareBridgeNode(LifecycleNode):
         name, stop = self.get_name(), self.resolve_service_name("stop")
         self._host.tell(tuple(StopService(f"{name}_stop", self.get_namespace(), stop, tuple(sys.argv[1:]))))
         self._bridge: RemoteBridge | None = None
+        self._link = default_link(self.get_namespace())
         self._session = ""
         self._conditions: MotionConditions | None = None
         self._shape_rule: ShapeRule | None = None
@@ -173,9 +175,10 @@ class HardwareBridgeNode(LifecycleNode):
 
     def _autostart(self) -> BridgeError | None:
         """To active; without a port and without a prototype, later. Returns what else goes wrong."""
-        handshake, doubt = (None, "") if self._settings.port else examine(str(default_link()))
+        handshake, doubt = (None, "") if self._settings.port else examine(str(self._link))
         if not self._settings.port and handshake is None:
-            self._hint = NO_PROTOTYPE + (f" (what lies at {default_link()} is not taken for one: {doubt})" if doubt else "")
+            self._hint = NO_PROTOTYPE.format("" if self._link == default_link() else f" --link {self._link}")
+            self._hint += f" (what lies at {self._link} is not taken for one: {doubt})" if doubt else ""
             if not self._hinted:
                 self._hinted = True
                 self.get_logger().warning(self._hint)
@@ -195,9 +198,9 @@ class HardwareBridgeNode(LifecycleNode):
             raise BridgeError(
                 "use_sim_time is true: a robot, its goals and its bag go by the computer's clock; leave it false here"
             )
-        port = p.port or str(default_link())
+        port = p.port or str(self._link)
         if not p.port:
-            require_prototype(default_link())
+            require_prototype(self._link)
         if self._shape_rule is None:
             self._shape_rule = ShapeRule(p.prototype_file, p.slack_limit)
         rules = rules_of(p, self._shape_rule)
@@ -275,7 +278,8 @@ class HardwareBridgeNode(LifecycleNode):
     def _on_bridge_sent(self, event: SentEvent) -> None:
         header = Header(stamp=conversions.stamp_of(event.wall_ns), frame_id=self._frame)
         self._topics.publish(STRUTS_SENT, bridge_messages.struts_sent(event, header))
-        self._topics.publish(BRIDGE_JOINT_STATES, conversions.joint_states(header.stamp, np.array(event.lengths_m)))
+        lengths_m = np.where(event.known, event.lengths_m, np.nan)
+        self._topics.publish(BRIDGE_JOINT_STATES, conversions.joint_states(header.stamp, lengths_m))
         self._observing.heard(event)
 
     def _on_bridge_face(self, event: FaceEvent) -> None:
@@ -369,9 +373,20 @@ class HardwareBridgeNode(LifecycleNode):
             snapshot, watch = self._bridge.snapshot(), self._conditions.watch if self._conditions is not None else None
             port, parts = snapshot.port, parts_of(snapshot, self._topics.log, watch, self._topics.dropped, self._observing)
         stamp = self.get_clock().now().to_msg()
-        self._topics.publish(DIAGNOSTICS, diagnostics(self.get_name(), port, parts, stamp))
+        self._topics.publish(DIAGNOSTICS, diagnostics(self.get_fully_qualified_name().lstrip("/"), port, parts, stamp))
 
 
-def main(args: list[str] | None = None) -> int:
+ABOUT = About(
+    name="hardware_bridge",
+    text="sends motions to the servo board within limits, and records all that is sent, heard and seen",
+    settings=BridgeParameters,
+    gives="bridge/struts_sent bridge/joint_states bridge/face bridge/state /diagnostics bridge/asked bridge/observed_joints "
+    "bridge/trial execute_struts() bridge/arm() bridge/disarm() stop() reset() set_face() log_trial()",
+    takes="bridge/state bridge/lease",
+    example="-p port:=/dev/rfcomm0 -p calibration:=/path/to/blue.yaml",
+)
+
+
+def main() -> int:
     """The executable `hardware_bridge`."""
-    return run(HardwareBridgeNode, args)
+    return run(HardwareBridgeNode, ABOUT)

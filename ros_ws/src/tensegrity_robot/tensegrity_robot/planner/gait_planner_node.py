@@ -49,6 +49,7 @@ from tensegrity_robot.planner.rehearsal_worker import Rehearser, Rehearsing, reh
 from tensegrity_robot.planner.services import serve_face_graph, serve_rehearse, wanted_gait
 from tensegrity_robot.ros import qos, topics
 from tensegrity_robot.ros.event_filters import EventTimes
+from tensegrity_robot.ros.node_help import About
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
 from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
 
@@ -498,6 +499,16 @@ def _lengths(values: Any) -> Lengths:
     return tuple(float(value) for value in values)
 
 
-def main(args: list[str] | None = None) -> int:
+ABOUT = About(
+    name="gait_planner",
+    text="holds the bridge's lease and rolls the robot from face to face",
+    settings=PlannerParameters,
+    gives="rehearsal bridge/lease roll() arm() disarm() face_graph() rehearse()",
+    takes="bridge/state bridge/struts_sent bridge/face twin/state execute_struts() bridge/arm() bridge/disarm()",
+    example="-p library:=improved",
+)
+
+
+def main() -> int:
     """The executable `gait_planner`."""
-    return run(GaitPlannerNode, args)
+    return run(GaitPlannerNode, ABOUT)

@@ -35,6 +35,7 @@ from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import FaceGraph
 from tensegrity_robot.ros import topics
 from tensegrity_robot.ros.conversions import frame_prefix
+from tensegrity_robot.ros.node_help import About
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
 from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
 
@@ -404,6 +405,16 @@ def _pose(stance: Stance) -> Pose:
     return Pose(position=Point(x=stance.x_m, y=stance.y_m), orientation=Quaternion(z=math.sin(half), w=math.cos(half)))
 
 
-def main(args: list[str] | None = None) -> int:
+ABOUT = About(
+    name="traveller",
+    text="rolls to a place on the floor, one roll of the planner after another",
+    settings=TravellerParameters,
+    gives="travel/path travel/goal travel()",
+    takes="bridge/state bridge/face twin/state twin/joints bridge/observed_joints goal_pose roll() face_graph() travel()",
+    example="-p reach_m:=0.1",
+)
+
+
+def main() -> int:
     """The executable `traveller`."""
-    return run(TravellerNode, args)
+    return run(TravellerNode, ABOUT)

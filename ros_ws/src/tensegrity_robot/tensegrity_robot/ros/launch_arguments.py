@@ -1,24 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the launch file is given: checked as a whole before anything starts. A mistake found later would leave processes behind."""
 
-import difflib
 import math
 import os
-from collections.abc import Callable, Collection, Mapping
+import re
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
+from typing import Any
 
 from hardware_bridge.boards.registry import SERVO_BOARD, parse_board
 from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.recording.session_bag import bag_folder
 from sim_core.errors import SimError
+from sim_core.files.places import folder_problem
+from sim_core.files.yaml_reader import read_yaml
 from sim_core.gaits.library import load_library
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.structure.topology import require_face
 from sim_core.uncertainty.perturbation_law import MAX_INCLINE_DEG, MAX_SCALE
-from tensegrity_robot.ros.errors import StartError
+from tensegrity_robot.ros.errors import StartError, require_known
 
 ARGUMENTS = (
+    ("namespace", "", "namespace of all nodes, such as blue: so that several stacks run side by side"),
+    ("params_file", "", "YAML of the nodes' parameters, as ROS takes it; arguments given here go before it"),
     ("virtual", "true", "start a virtual prototype and drive it; false: drive the board at `port`"),
     ("port", "", "device or socket://HOST:PORT of the board; empty: the virtual prototype's link"),
     ("board", "lsc", SERVO_BOARD),
@@ -36,25 +41,33 @@ ARGUMENTS = (
 )
 """Name, default, description."""
 
+PARAMETERS = "ros__parameters"
 LONGEST_SEED = 2**31 - 1
 LONGEST_REST_S = 1e6
+NAMESPACE = re.compile(r"[A-Za-z][A-Za-z0-9_]*(/[A-Za-z][A-Za-z0-9_]*)*")
+LONGEST_NAMESPACE = 40
+"""Its prototype's sockets have it in their names, which may have about 100 characters."""
+ROS_OWN = ("use_sim_time", "start_type_description_service", "qos_overrides")
+"""Parameters that every node has."""
 _WORDS = {"true": True, "1": True, "false": False, "0": False}
 
 
-def require_known(names: Collection[str]) -> None:
-    """Raises StartError: an argument that the launch file does not have; says which is the nearest."""
-    known = [name for name, _, _ in ARGUMENTS]
-    for name in names:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, n=1, cutoff=0.0)
-            raise StartError(f"unknown argument {name}: did you mean {near[0]}? Valid are {', '.join(known)}")
+def require_arguments(given: Mapping[str, str], prefix_of: Callable[[str], str], config: Path) -> None:
+    """Raises StartError: something that cannot be, with what is valid.
 
-
-def require_arguments(given: Mapping[str, str], prefix_of: Callable[[str], str]) -> None:
-    """Raises StartError: something that cannot be, with what is valid. `given`: every one of `ARGUMENTS`.
-
-    `prefix_of`: where a package is installed; raises LookupError (ament's `get_package_prefix`).
+    Args:
+        given: every one of `ARGUMENTS`, and whatever else was given, which is refused with the nearest name.
+        prefix_of: where a package is installed; raises LookupError (ament's `get_package_prefix`).
+        config: folder of the nodes' parameter files, NODE.yaml.
     """
+    known = [name for name, _, _ in ARGUMENTS]
+    require_known("argument", given, known, f"Valid are {', '.join(known)}")
+    space = given["namespace"].strip("/")
+    if space and (not NAMESPACE.fullmatch(space) or "__" in space or len(space) > LONGEST_NAMESPACE):
+        valid = f"letters, digits and single _, parts separated by /, at most {LONGEST_NAMESPACE} in all, such as blue or lab/blue"
+        raise StartError(f"namespace:={given['namespace']}: valid are {valid}")
+    if given["params_file"]:
+        _require_parameters(Path(given["params_file"]), config)
     virtual = truth(given, "virtual")
     port = given["port"]
     if virtual and port:
@@ -92,6 +105,37 @@ def truth(given: Mapping[str, str], name: str) -> bool:
     return _WORDS[word]
 
 
+def _require_parameters(file: Path, config: Path) -> None:
+    """Raises StartError: it cannot be read, or names a node or parameter that the stack does not have."""
+    try:
+        known = {own.stem: {*_names(read_yaml(own)), *ROS_OWN} for own in config.glob("*.yaml")}
+        document = read_yaml(file)
+    except OSError as error:
+        raise StartError(f"params_file:={file} cannot be read: {error.strerror}") from error
+    except SimError as error:
+        raise StartError(str(error)) from error
+    for node, names in _blocks(document, file):
+        if node:
+            require_known("node", [node], known, f"Valid in {file} are {', '.join(sorted(known))}")
+        for own in [node] if node else sorted(known):
+            require_known(f"parameter of {own}", names, known[own], f"`ros2 run tensegrity_robot {own} --help` lists them ({file})")
+
+
+def _names(document: Any) -> set[str]:
+    return {name for _, names in _blocks(document, Path()) for name in names}
+
+
+def _blocks(document: Any, file: Path, node: str = "") -> Iterator[tuple[str, set[str]]]:
+    """Node, empty for all, and names of the parameters that are set for it. Raises StartError."""
+    if not isinstance(document, Mapping) or not document:
+        raise StartError(f"params_file:={file} is no parameter file: valid is NODE: {{ros__parameters: {{NAME: VALUE}}}}")
+    for key, value in document.items():
+        if key != PARAMETERS:
+            yield from _blocks(value, file, key.rpartition("/")[2].strip("*") or node)
+        elif isinstance(value, Mapping):
+            yield node, {name.partition(".")[0] for name in value}
+
+
 def _number(given: Mapping[str, str], name: str, low: float, high: float) -> float:
     try:
         value = float(given[name])
@@ -103,12 +147,9 @@ def _number(given: Mapping[str, str], name: str, low: float, high: float) -> flo
 
 
 def _require_bags(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StartError(f"bags:={folder} cannot be made ({error.strerror}): give a folder that can be written") from error
-    if not os.access(folder, os.W_OK | os.X_OK):
-        raise StartError(f"bags:={folder} cannot be written: give another folder")
+    if problem := folder_problem(folder, locks=True):
+        raise StartError(f"bags:={problem}: give another folder")
+    folder.mkdir(parents=True, exist_ok=True)
 
 
 def _require_rviz(prefix_of: Callable[[str], str]) -> None:

@@ -36,6 +36,7 @@ from sim_core.uncertainty.perturbation_law import MAX_SCALE, perturb
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 from tensegrity_robot.ros import conversions, topics
 from tensegrity_robot.ros.errors import StartError
+from tensegrity_robot.ros.node_help import About
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
 from tensegrity_robot.ros.node_process import EndProcess, age_s, run
 from tensegrity_robot.twin.markers import markers
@@ -328,6 +329,16 @@ def _arrival(message: StrutsSent | FaceObservation) -> Arrival:
     return Arrival(message.session, conversions.nanoseconds(message.header.stamp), time.time_ns(), steady_ns)
 
 
-def main(args: list[str] | None = None) -> int:
+ABOUT = About(
+    name="twin",
+    text="a model that follows what really happened to the robot, or, stand-alone, is the robot",
+    settings=TwinParameters,
+    gives="twin/state twin/face twin/joint_states twin/joints twin/pose twin/markers /tf robot_description",
+    takes="bridge/struts_sent bridge/face twin/command",
+    example="-p start_face:=TO5",
+)
+
+
+def main() -> int:
     """The executable `twin`."""
-    return run(TwinNode, args)
+    return run(TwinNode, ABOUT)

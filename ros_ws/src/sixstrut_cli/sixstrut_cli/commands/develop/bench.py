@@ -95,10 +95,9 @@ def _measure_solver(quick: bool, threads: int | None, path: Path, as_json: bool,
 def _tell(report: Any, result: Any, path: Path, as_json: bool) -> None:
     """Write the page and its picture; print it. `report`: the module that knows how."""
     picture = path.parent / "images" / f"{path.stem}.png"
-    report.draw(result, picture)
-    path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
-    wrote(path, picture, err=True)
     typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
+    path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
+    wrote(path, report.draw(result, picture), err=True)
 
 
 def _in_mujoco(name: str, threads: int | None, as_json: bool, prototype: Path | None) -> None:

@@ -41,7 +41,7 @@ def command(
     if not different:
         typer.echo("docs/reference/ is as the code says")
     if not pages_only:
-        _build(root / "docs", output or output_folder("site"))
+        _build(root / "docs", output_folder("site", output))
 
 
 def _build(source: Path, site: Path) -> None:

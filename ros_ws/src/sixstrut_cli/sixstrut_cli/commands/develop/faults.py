@@ -36,6 +36,7 @@ def command(
     announce(f"{len(numbers)} failures, some seconds each; Ctrl-C ends at any time, then nothing is written")
     if page and numbers != set(ROWS):
         raise typer.BadParameter("a page needs all rows: leave --only out")
+    folder = None if page or numbers != set(ROWS) else output_folder("faults", output)
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # its processes have to be ended
 
     from rich.console import Console
@@ -86,7 +87,7 @@ def command(
     if failed:
         raise typer.Exit(EXIT_NOT_SURVIVED)
     if numbers == set(ROWS):
-        path = results_page(PAGE) if page else output_folder("faults", output) / PAGE
+        path = folder / PAGE if folder is not None else results_page(PAGE)
         path.write_text(as_markdown(outcomes), encoding="utf-8")
         wrote(path, err=True)
 

@@ -14,6 +14,7 @@ from typing import Annotated
 import typer
 
 from hardware_bridge.driver.child_process import bound
+from sim_core.files.places import temporary_parent
 from sixstrut_cli.outputs import repository
 from tensegrity_lab.stack.ros_domain import private_domain
 
@@ -52,7 +53,7 @@ def command(
     kind = "slow" if slow else "not soak" if everything else "not slow and not soak"
     whole = {**({} if slow else _CHECKS), "tests": ["-m", "pytest", "-m", kind, *_WORKERS]}
     steps = {"pytest": ["-m", "pytest", *chosen]} if chosen else whole
-    with private_domain() as domain, tempfile.TemporaryDirectory(prefix="sixstrut-test-") as state:
+    with private_domain() as domain, tempfile.TemporaryDirectory(prefix="sixstrut-test-", dir=temporary_parent()) as state:
         environ = {**os.environ, "SIXSTRUT_STATE_DIR": state}  # tests can meet no robot that runs on this machine
         if everything or slow or soak:
             environ["SIXSTRUT_TEST_ALL"] = "1"

@@ -16,7 +16,7 @@ from sim_core.structure.parameters import FILE, Prototype, load_prototype
 from sim_core.studies.sensitivity import EACH, STORED, Influence, influences, stored_influences, text_of
 from sim_core.twin.model_versions import label_of
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, in_folder, wrote
+from sixstrut_cli.outputs import announce, in_folder, picture_path, writable, wrote
 
 
 def command(
@@ -25,8 +25,12 @@ def command(
         Literal["json"] | None, typer.Option("--export", help="Everything that another solver needs, member by member, as JSON.")
     ] = None,
     sensitivity: Annotated[bool, typer.Option("--sensitivity", help="Compute what each number influences (some minutes).")] = False,
-    output: Annotated[Path | None, typer.Option("--output", "-o", help="Write the export here.", show_default="stdout")] = None,
-    picture: Annotated[Path | None, typer.Option(metavar="FILE", help="Draw the robot with its parts named, as PNG.")] = None,
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="Write the export here.", show_default="stdout", callback=writable)
+    ] = None,
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Draw the robot, its parts named, as PNG.", callback=picture_path)
+    ] = None,
 ) -> None:
     """Print the table of the robot's numbers: value, unit, source, what it influences, meaning.
 
@@ -40,7 +44,8 @@ def command(
     if picture is not None:
         from tensegrity_lab.reports.words_picture import words_picture
 
-        words_picture(in_folder(picture), load_prototype(prototype))
+        if words_picture(picture, load_prototype(prototype)) is None:
+            raise typer.Exit(1)
         wrote(picture)
         return
     entries = FILE.load(prototype)
@@ -80,7 +85,10 @@ def _computed(robot: Prototype, keep: bool) -> dict[str, Influence]:
     with bars("rolls", "nothing was written") as bar:
         found = influences(robot, library, report=bar("varying one number at a time"))
     if keep:
-        STORED.write_text(text_of(robot, library, EACH, found), encoding="utf-8")
+        try:
+            STORED.write_text(text_of(robot, library, EACH, found), encoding="utf-8")
+        except OSError as error:
+            typer.echo(f"warning: not kept for the next time: {error}", err=True)
     return found
 
 

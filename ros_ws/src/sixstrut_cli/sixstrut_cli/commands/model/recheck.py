@@ -32,7 +32,7 @@ def command(
     With the precision, recall and agreement of each model.
 
     sixstrut recheck gaits.yaml
-    sixstrut recheck gaits.yaml --bag bags/monday.mcap --bag bags/tuesday.mcap
+    sixstrut recheck gaits.yaml --bag bags/monday --bag bags/tuesday
     sixstrut recheck library.yaml --every-gait --perturbation 0.1
     """
     announce(f"rolling the gaits of {gaits} by both models, some seconds for a few hundred; Ctrl-C leaves at any time")

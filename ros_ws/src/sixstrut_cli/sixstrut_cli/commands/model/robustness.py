@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, in_folder, output_folder, picture_path, results_page, wrote
+from sixstrut_cli.outputs import announce, in_folder, output_folder, picture_path, results_page, writable_folder, wrote
 
 QUICK_PROTOTYPES, QUICK_FAILURES, QUICK_PRIMITIVES = 2, 20, 3
 
@@ -37,7 +37,9 @@ def command(
             help="PNG, like the paper's Figure 8; default: out/robustness/LIBRARY.png; none with --json.", callback=picture_path
         ),
     ] = None,
-    tables: Annotated[Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.")] = None,
+    tables: Annotated[
+        Path | None, typer.Option("--csv", metavar="FOLDER", help="Folder for the CSV tables.", callback=writable_folder)
+    ] = None,
     odds: options.SuccessCounts = None,
     cost: Annotated[bool, typer.Option("--cost", help="Also measure and print what a million prototypes cost.")] = False,
     page: Annotated[bool, typer.Option("--page", help="With --cost: put the table into docs/results/scaling.md.")] = False,
@@ -78,6 +80,8 @@ def command(
     law = Law(scale, groups_of(groups), correlation, design, incline)
     plan = StudyPlan(law, HELD_OUT_SEED if seed is None else seed, QUICK_PROTOTYPES if quick else prototypes, one_gait, first)
     require_held_out(shelf, plan.seed)
+    if picture is None and not as_json:
+        picture = output_folder("robustness") / f"{shelf.name}.png"
     primitives = shelf.primitives
     if quick:
         failures = min(failures, QUICK_FAILURES)
@@ -97,17 +101,14 @@ def command(
         write_tables(found, blame, tables)
     if odds is not None:
         in_folder(odds).write_text(success_counts_text(success_counts_of(shelf, found)), encoding="utf-8")
-    if picture is None and not as_json:
-        picture = output_folder("robustness") / f"{shelf.name}.png"
-    if picture is not None:
-        robustness_picture(found, blame, in_folder(picture), head_of(shelf, found).splitlines()[0] + f", s = {scale:g}")
     if figures is not None and cost_page is not None:
         write_into(cost_page, table_of(figures))
     if as_json:
         document = document_of(shelf, found, blame, wall_s)
         typer.echo(json.dumps(document | ({"figures": cost_document(figures)} if figures else {})))
-        return
-    typer.echo(text_of(shelf, found, blame, wall_s))
-    if figures is not None:
-        typer.echo("\n" + table_of(figures))
-    wrote(picture, tables, odds, cost_page)
+    else:
+        typer.echo(text_of(shelf, found, blame, wall_s))
+        if figures is not None:
+            typer.echo("\n" + table_of(figures))
+    drawn = picture and robustness_picture(found, blame, picture, head_of(shelf, found).splitlines()[0] + f", s = {scale:g}")
+    wrote(drawn, tables, odds, cost_page, err=as_json)

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, in_folder, say, wrote
+from sixstrut_cli.outputs import announce, say, wrote
 
 TOLD = ["source", "target", "feasible", "reason", "faces", "peak_force_n", "clearance_m", "margin_m", "duration_s", "travel_m"]
 """Of a roll, with --json."""
@@ -57,10 +57,6 @@ def command(
     compile_first(Stage.ROBOT, Stage.ROLL)
     trace: list[Sample] = []
     result = roll(model, source, target, strokes, trace=trace)
-    if picture is not None:
-        from tensegrity_lab.reports.figure import roll_picture
-
-        roll_picture(result, trace, in_folder(picture), name)
     if as_json:
         told = {key: getattr(result, key) for key in TOLD}
         typer.echo(json.dumps({"gait": name, "policy_mm": result.policy, **told, "model_hash": model.hash}))
@@ -74,7 +70,10 @@ def command(
             f"  strut force up to {result.peak_force_n:.1f} N, clearance down to {1e3 * result.clearance_m:.1f} mm, "
             f"centre of mass {1e3 * result.margin_m:.1f} mm inside the base"
         )
-        wrote(picture)
+    if picture is not None:
+        from tensegrity_lab.reports.figure import roll_picture
+
+        wrote(roll_picture(result, trace, picture, name), err=as_json)
     if not result.feasible:
         raise typer.Exit(4)
 

@@ -90,12 +90,11 @@ def command(
         library = search.library()
     path.write_text(library_text(library), encoding="utf-8")
     stopped.unlink(missing_ok=True)
-    drawn = picture or path.with_suffix(".png")
-    library_picture(library, drawn)
     done = search.progress
     if as_json:
         counts = {name: sum(p.roll_class.name == name for p in library.primitives) for name in plan.classes}
         typer.echo(json.dumps({"library": str(path), "hash": library.hash, "primitives": counts, "rolls": done.rolled}))
+        library_picture(library, picture or path.with_suffix(".png"))
         return
     for p in library.primitives:
         shown = ", ".join(f"{key} {value:g}" for key, value in p.margins.items())
@@ -104,7 +103,7 @@ def command(
         count = sum(p.roll_class.name == name for p in library.primitives)
         if count < plan.keep:
             typer.echo(f"only {count} of {plan.keep} primitives {name} in {done.rolled} rolls", err=True)
-    wrote(path, drawn)
+    wrote(path, library_picture(library, picture or path.with_suffix(".png")))
     say(
         f"library {library.hash}, model {library.model_hash}: {done.rolled} rolls of the nominal robot, "
         f"{done.trained} trials on training prototypes"

@@ -65,15 +65,15 @@ def command(
             results[name] = CASES[name](setting)
             seconds[name] = perf_counter() - began
             report(number, len(chosen))
-    files = write_page(path, results, model.hash, model.steps_per_second)
     failed = [name for name, case in results.items() if not case.result.passed]
     if as_json:
         typer.echo(json.dumps(_document(results, seconds, model.hash), indent=1))
     else:
         _print_cases(results)
         typer.echo(f"{len(results) - len(failed)} of {len(results)} cases hold, model {model.hash}, {sum(seconds.values()):.0f} s")
-        wrote(path)
-        typer.echo(f"and {len(files) - 1} pictures")
+    files = write_page(path, results, model.hash, model.steps_per_second)
+    wrote(path, err=as_json)
+    typer.echo(f"and {len(files) - 1} pictures", err=as_json)
     if failed:
         typer.echo(f"not within tolerance: {', '.join(failed)}", err=True)
         raise typer.Exit(EXIT_CASE_FAILED)

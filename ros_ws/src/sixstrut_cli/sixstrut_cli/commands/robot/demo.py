@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """`sixstrut demo`: the whole chain, rolling the virtual prototype."""
 
+import os
 from pathlib import Path
 from typing import Annotated
 
@@ -15,8 +16,12 @@ def command(
     seed: Annotated[int, typer.Option(min=0, help="Draws the route and the virtual prototype's true parameters.")] = 1,
     from_face: options.FromFace = "TC6",
     real_time: Annotated[
-        bool, typer.Option("--real-time/--fast", help="Robot seconds as wall seconds, or eight times faster.")
-    ] = False,
+        bool | None,
+        typer.Option(
+            "--real-time/--fast",
+            help="Robot seconds as wall seconds, or eight times faster; default: fast, if there are two processors.",
+        ),
+    ] = None,
     perturbation: options.Perturbation = 0.05,
     board: options.Board = "lsc",
     actuators: options.Actuators = "stand-in",
@@ -39,6 +44,8 @@ def command(
     from tensegrity_lab.stack.virtual_stack import VirtualRobot
     from tensegrity_lab.studies.demo import Demo
 
+    if real_time is None:
+        real_time = len(os.sched_getaffinity(0)) < 2
     pace = 1.0 if real_time else 8.0
     robot = VirtualRobot(from_face, seed, perturbation, pace, board, actuators, library, bags)
     raise typer.Exit(Demo(rolls, robot, console, domain).run())

@@ -25,7 +25,7 @@ def command(
     sixstrut doctor
     sixstrut doctor --port /dev/rfcomm0 --calibration my_calibration.yaml
     """
-    announce("looking at versions, port, calibration, disk and network, some seconds")
+    announce("looking at versions, port, calibration, computer, folders and network, some seconds")
     from hardware_bridge.boards.registry import parse_board
     from tensegrity_lab.commissioning.checks import Health, examine
 

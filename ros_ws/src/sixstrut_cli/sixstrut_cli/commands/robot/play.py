@@ -11,7 +11,7 @@ from sixstrut_cli.outputs import announce, console
 
 
 def command(
-    bag: Annotated[Path, typer.Argument(help="A bag: an .mcap file of the bridge, or a folder of rosbag2.")],
+    bag: Annotated[Path, typer.Argument(help="A bag: a folder of the bridge or of rosbag2, or an .mcap file.")],
     rate: Annotated[float, typer.Option(min=0.01, max=100.0, help="Recorded seconds per second.")] = 1.0,
     twin: Annotated[bool, typer.Option("--twin/--no-twin", help="Start a twin that follows it.")] = True,
 ) -> None:
@@ -19,8 +19,8 @@ def command(
 
     For machines without rosbag2. No command is played, and nothing at all while a bridge runs in this ROS domain.
 
-    sixstrut play bags/example.mcap
-    sixstrut play bags/example.mcap --rate 4 --no-twin
+    sixstrut play bags/example
+    sixstrut play bags/example --rate 4 --no-twin
     """
     announce(f"reading {bag}" + ("; a twin that follows is started" if twin else ""))
     from rich.progress import Progress

@@ -80,7 +80,6 @@ def command(
     with screen.status("starting") as status:
         trip = travel(robot, goal_m, status.update, reach, most_rolls, not ignore_odds, domain, screen.print)
     picture = Path(trip.bag).with_suffix(".png")
-    travel_picture(trip, picture)
     if as_json:
         typer.echo(json.dumps(asdict(trip) | {"ratio": trip.ratio, "picture": str(picture)}))
     else:
@@ -88,7 +87,8 @@ def command(
         typer.echo(f"{'arrived' if trip.success else 'did not arrive'}: {trip.reason}")
         ratio = f"path {trip.path_m:.2f} m for {trip.straight_m - trip.left_m:.2f} m won"
         typer.echo(f"{trip.rolls} rolls, {trip.missed} missed, {trip.robot_s:.0f} s of robot time; {ratio}")
-        wrote(Path(trip.bag), picture)
+        wrote(Path(trip.bag))
+    wrote(travel_picture(trip, picture), err=as_json)
     if not trip.success:
         raise typer.Exit(4)
 
@@ -121,11 +121,10 @@ def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, fold
     images.mkdir(parents=True, exist_ok=True)
     groups = groups_of(found)
     panels = [(", ".join(words_of(group)), [trip for case, trip in found.items() if case.group == group]) for group in groups]
-    study_picture(panels, images / "travel.png")
     goals = max(case.number for case in cases)
     chosen = f"--study {goals} --seed {robot.seed} --time-scale {robot.time_scale:g}"
     command = f"./sixstrut travel {chosen} -o {folder}{' --page' if page else ''}"
     text = page_of(found, len(cases) - len(found), robot, command, "images/travel.png")
     target.write_text(text, encoding="utf-8")
     typer.echo(text)
-    wrote(target, images / "travel.png")
+    wrote(target, study_picture(panels, images / "travel.png"))

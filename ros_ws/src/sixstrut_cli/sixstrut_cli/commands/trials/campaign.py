@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, results_page, say, wrote
+from sixstrut_cli.outputs import announce, require_folder, results_page, say, wrote
 
 
 def command(
@@ -43,6 +43,7 @@ def command(
 
     root = Path(os.environ.get("SIXSTRUT_ROOT", "."))
     folder = output or root / "bags" / f"campaign_{time.strftime('%Y%m%d_%H%M%S', time.gmtime())}"
+    require_folder(folder)
     names = tuple(filter(None, (name.strip() for name in libraries.split(","))))
     words = ["./sixstrut", "campaign", "--libraries", libraries, "--primitives", primitives, "--gaits", gaits]
     words += ["--prototypes", str(prototypes), "--seed", str(seed), "--perturbation", f"{perturbation:g}", "--sample", str(sample)]

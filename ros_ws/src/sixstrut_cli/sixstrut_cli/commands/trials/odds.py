@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, in_folder, output_folder, picture_path, say, wrote
+from sixstrut_cli.outputs import announce, output_folder, picture_path, say, wrote
 
 
 def command(
@@ -28,7 +28,7 @@ def command(
 
     A roll counts if it was rehearsed and somebody, or the virtual prototype's observer, saw where it ended.
 
-    sixstrut odds bags/example.mcap
+    sixstrut odds bags/example
     sixstrut odds bags/monday bags/tuesday --picture odds.png
     """
     announce("reading bags: some seconds for each that is large")
@@ -37,6 +37,7 @@ def command(
     from tensegrity_lab.reports.success_statistics import calibration
     from tensegrity_lab.reports.trial_plots import calibration_picture
 
+    picture = picture or output_folder("odds") / "odds.png"
     files = bags_of(options.given_or(newest, bags))
     rolls = [one for path in files for one in foretold_in(path)]
     told = calibration([one.odds for one in rolls], [one.won for one in rolls])
@@ -47,12 +48,11 @@ def command(
             err=True,
         )
         raise typer.Exit(1)
-    picture = picture or output_folder("odds") / "odds.png"
-    calibration_picture([(f"{len(rolls)} rolls", told)], in_folder(picture))
     if as_json:
         document = {"rolls": [one._asdict() for one in rolls], "brier": told.brier, "expected": told.expected}
         bins = [(one.low, one.high, one.rate.trials, one.expected, one.rate.value) for one in told.bins]
         typer.echo(json.dumps(document | {"observed": told.observed, "bins": bins, "picture": str(picture)}))
+        calibration_picture([(f"{len(rolls)} rolls", told)], picture)
         return
     say(f"{'foretold':>15}  {'mean':>6}  succeeded")
     for one in told.bins:
@@ -66,4 +66,4 @@ def command(
         if not roll.won:
             where = f"most rehearsals ended on {roll.likely}, {round(roll.members * roll.odds)} of {roll.members} rolled"
             say(f"{roll.bag}: {roll.primitive} {roll.source}→{roll.target} ended on {roll.ended or 'no face'}; {where}")
-    wrote(picture)
+    wrote(calibration_picture([(f"{len(rolls)} rolls", told)], picture))

@@ -2,7 +2,6 @@
 """`sixstrut replay`: step the twin through a recorded session."""
 
 import json
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any
@@ -10,11 +9,11 @@ from typing import Annotated, Any
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, in_folder, say, wrote
+from sixstrut_cli.outputs import announce, picture_path, say, writable, wrote
 
 
 def command(
-    bag: Annotated[Path, typer.Argument(help="A bag: an .mcap file of the bridge, or a folder of rosbag2.")],
+    bag: Annotated[Path, typer.Argument(help="A bag: a folder of the bridge or of rosbag2, or an .mcap file.")],
     actuators: Annotated[
         str, typer.Option(help="The twin's actuators, as the twin had them: ideal, stand-in, or a YAML file.")
     ] = "ideal",
@@ -28,11 +27,13 @@ def command(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="PNG of the session, or of one trial; default: BAG_replay.png beside the bag; none with --json or for trials."
+            help="PNG of the session, or of one trial; default: BAG_replay.png beside the bag; none with --json or for trials.",
+            callback=picture_path,
         ),
     ] = None,
     animation: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="A moving picture of the session, .webp or .gif, of eight seconds.")
+        Path | None,
+        typer.Option(metavar="FILE", help="A moving picture of the session, .webp or .gif, of eight seconds.", callback=writable),
     ] = None,
     as_json: options.Json = False,
 ) -> None:
@@ -42,10 +43,10 @@ def command(
     Exit code 0: same bits as live and on the recorded face at the end, or every trial's outcome as recorded; 4: not. A bag that was
     recorded with another model is refused with both hashes, unless numbers are changed (--set) or --compare says so.
 
-    sixstrut replay bags/example.mcap
-    sixstrut replay bags/example.mcap --picture session.png --set mu_s=0.45 --set mu_k=0.4
-    sixstrut replay bags/example.mcap --animation rolls.webp
-    sixstrut replay bags/monday/bags/session_20260102_030405.mcap --trial 17 --ensemble 24 --picture trial.png
+    sixstrut replay bags/example
+    sixstrut replay bags/example --picture session.png --set mu_s=0.45 --set mu_k=0.4
+    sixstrut replay bags/example --animation rolls.webp
+    sixstrut replay bags/monday/bags/session_20260102_030405 --trial 17 --ensemble 24 --picture trial.png
     """
     announce(f"stepping the twin through {bag}")
     from sim_core.rolling.warm_up import Stage
@@ -102,9 +103,6 @@ def _by_trial(
                 ends = ", ".join(f"{face} {count}" for face, count in told.outcomes.items())
                 rate = counted(told.rate.successes, members)
                 say(f"{told.gait.name} on perturbed twins ({law.law.brief}): {rate}; ends on {ends}")
-    if picture is not None:
-        course_picture(courses[0], in_folder(picture))
-        wrote(picture, err=as_json)
     agree = [course.agrees for course in courses if course.agrees is not None]
     if as_json:
         rows = [_document(course, odds) for course in courses]
@@ -112,6 +110,8 @@ def _by_trial(
     else:
         what_if = f" with {', '.join(f'{name} = {value:g}' for name, value in changes.items())}" if changes else ""
         say(f"{sum(agree)} of {len(agree)} trials end as recorded{what_if}; model {model.hash}")
+    if picture is not None:
+        wrote(course_picture(courses[0], picture), err=as_json)
     return all(agree)
 
 
@@ -137,14 +137,19 @@ def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
 def _whole(
     bag: Path, changes: dict[str, float], actuators: str, compare: bool, picture: Path | None, animation: Path | None, as_json: bool
 ) -> bool:
-    from hardware_bridge.recording.bag_reader import read_session
+    from hardware_bridge.recording.bag_reader import read_session, whole_bag
     from hardware_bridge.recording.bag_types import TOPICS
     from sim_core.dynamics.actuators import require_actuators
+    from sim_core.files.places import folder_problem
     from tensegrity_lab.bags.replay import model_of, replay, require_same_model
     from tensegrity_lab.bags.trial_replay import changed_model
     from tensegrity_lab.reports.animation import Moment, Stand, animate, moment_of
+    from tensegrity_lab.reports.figure import session_picture
     from tensegrity_lab.terminal.progress import bars
 
+    if picture is None and not as_json:
+        whole = whole_bag(bag.resolve())
+        picture = (Path() if folder_problem(whole.parent) else whole.parent) / f"{whole.stem}_replay.png"
     drives = require_actuators(actuators)
     session = read_session(bag, topics=TOPICS)
     if not (changes or compare):
@@ -158,21 +163,19 @@ def _whole(
         result = replay(session, model, drives, bar("replaying"), watch)
     same_bits = result.same_states == result.live_states
     same_face = result.recorded is None or result.final == result.recorded
-    if picture is None and not as_json:
-        folder = bag.parent if os.access(bag.parent, os.W_OK) else Path()
-        picture = folder / f"{bag.stem}_replay.png"
-    if picture is not None:
-        from tensegrity_lab.reports.figure import session_picture
 
-        session_picture(session, result, in_folder(picture))
-    if animation is not None:
+    def draw() -> None:
+        shown = picture and session_picture(session, result, picture)
         stands = [Stand(check.time_s, check.predicted) for check in result.faces if check.predicted]
-        animate(moments, stands, in_folder(animation), f"{bag.name}: the twin, stepped through a recorded session")
+        title = f"{bag.name}: the twin, stepped through a recorded session"
+        wrote(shown, animation and animate(moments, stands, animation, title), err=as_json)
+
     if as_json:
         told = {key: getattr(result, key) for key in ("digest", "step", "model_hash", "live_states", "same_states", "resets")}
         faces = [{**vars(check), "agrees": check.agrees} for check in result.faces]
         ends = {"final_face": result.final, "recorded_face": result.recorded}
         typer.echo(json.dumps({"bag": str(bag), **told, "faces": faces, **ends}))
+        draw()
         return same_bits and same_face
     for check in result.faces:
         mark = "as" if check.agrees else "but"
@@ -186,5 +189,5 @@ def _whole(
     end = f"ended on {result.final or 'no face'}"
     say(f"  {end}, recorded: {result.recorded or 'nobody looked'}{'' if same_face else ' — they differ'}")
     say(f"  final state {result.digest} at step {result.step}, model {result.model_hash}")
-    wrote(picture, animation)
+    draw()
     return same_bits and same_face

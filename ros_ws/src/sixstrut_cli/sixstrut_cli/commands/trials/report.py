@@ -9,7 +9,7 @@ import typer
 from typer.core import TyperCommand
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, wrote
+from sixstrut_cli.outputs import announce, output_folder, wrote
 
 
 class _Greedy(TyperCommand):
@@ -34,11 +34,15 @@ COMMAND_CLASS = _Greedy
 
 def command(
     sessions: Annotated[
-        list[Path] | None, typer.Argument(help="Folders of sessions; several are taken together; default: the newest.")
+        list[Path] | None,
+        typer.Argument(help="Folders of sessions, or bags with trials; several are taken together; default: the newest."),
     ] = None,
     against: Annotated[list[Path] | None, typer.Option(help="Sessions to compare with: all that follow.")] = None,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder to write to; default: report in the first session's.")
+        Path | None,
+        typer.Option(
+            "-o", "--output", help="Folder to write to; default: report in the first session's, or BAG_report beside a bag."
+        ),
     ] = None,
 ) -> None:
     """Success rates with intervals, the paper's Figure 8, tests, symmetry, predictions: one page, with CSV and PNG beside it.
@@ -48,13 +52,16 @@ def command(
     sixstrut report bags/monday bags/tuesday --against bags/previous -o report
     """
     announce("reading the sessions and drawing, some seconds; the page is written at the end")
+    from hardware_bridge.recording.bag_reader import is_bag_folder, whole_bag
     from tensegrity_lab.reports.trial_report import TrialReport, summary_of
     from tensegrity_lab.session_data.folder import newest_session
 
     sessions = options.given_or(newest_session, sessions)
     words = ["./sixstrut", "report", *map(str, sessions), *(word for path in against or [] for word in ("--against", str(path)))]
+    bag = whole_bag(sessions[0].resolve())
+    beside = bag.with_name(f"{bag.stem}_report") if bag.suffix == ".mcap" or is_bag_folder(bag) else sessions[0] / "report"
+    folder = output_folder("report", output or beside)
     report = TrialReport(sessions, against or [], shlex.join(words))
-    page = report.write(output or sessions[0] / "report")
     typer.echo(summary_of(report))
-    wrote(page)
+    wrote(report.write(folder))
     typer.echo("tables and pictures are beside it")

@@ -1,0 +1,16 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What `colcon test` asks: every module of the installed package loads. The tests proper are in the repository's `tests/`."""
+
+import pkgutil
+from importlib import import_module
+
+import pytest
+
+import tensegrity_robot
+
+MODULES = [module.name for module in pkgutil.walk_packages(tensegrity_robot.__path__, "tensegrity_robot.")]
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if not name.endswith("__main__")])
+def test_a_module_loads(name):
+    import_module(name)
