@@ -86,6 +86,34 @@ class ChainRoll(NamedTuple):
     time_s: float
 
 
+@dataclass(frozen=True)
+class Chain:
+    """A cycle over certain faces, the first of which the robot stands on."""
+
+    cycle: Cycle
+    faces: tuple[str, ...]
+
+    @property
+    def source(self) -> str:
+        """Where it begins."""
+        return self.faces[0]
+
+    @property
+    def target(self) -> str:
+        """Where it ends."""
+        return self.faces[-1]
+
+    @property
+    def name(self) -> str:
+        """Cycle and faces, for people."""
+        return f"{self.cycle.name} {'→'.join(self.faces)}"
+
+    @property
+    def rolls(self) -> tuple[ChainRoll, ...]:
+        """See `chain_of`."""
+        return chain_of(self.cycle, self.faces)
+
+
 def turned(element: Element, turn: str) -> Element:
     """The element of the next two rolls, when `element` carries the reference course to the last two."""
     following = CARRIERS[NEXT_TC, turn]
@@ -153,7 +181,7 @@ def parse_cycles(rows: Any, where: str) -> tuple[Cycle, ...]:
     """The cycles of a library's parsed YAML. Raises LibraryError."""
     if not isinstance(rows, list):
         raise LibraryError(f"{where}: cycles is {brief(rows)}; valid is a list")
-    cycles = []
+    cycles: list[Cycle] = []
     for number, row in enumerate(rows, start=1):
         try:
             one, other = (

@@ -188,6 +188,16 @@ class RollSequence:
         self._moved_ns = view.robot_time_ns
         self.phase = _SETTLE_AFTER.get(self.phase, self.phase)
 
+    @property
+    def rolls(self) -> int:
+        """Faces that it came onto so far."""
+        return self._landings() if self.plan is not None and self.plan.links else max(0, len(self._faces) - 1)
+
+    @property
+    def next_face(self) -> str:
+        """While it rolls on: the face that is to come; else empty."""
+        return self.plan.links[self._link].onto if self.plan is not None and self.phase is Phase.ROLL_ON else ""
+
     def end_early(self, reason: str) -> None:
         """A chain goes to neutral on the next TC, and ends there for this reason."""
         self._ends_early = self._ends_early or reason
@@ -237,7 +247,7 @@ class RollSequence:
             faces=tuple(self._faces),
             duration_s=(self._moved_ns - began_ns) * 1e-9,
             completed=not reason and self.phase in (Phase.RETURN_SETTLE, Phase.CONFIRM),
-            rolls=len(self._faces) - 1 if self.plan is not None and not self.plan.links else self._landings(),
+            rolls=self.rolls,
         )
 
     # ---- parts ------------------------------------------------------------------------------------------------------

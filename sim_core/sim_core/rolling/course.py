@@ -16,6 +16,7 @@ from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure.arrays import Array
 from sim_core.structure.policy import Policy, lengths_of
 
+NEUTRAL: Policy = (0, 0, 0, 0, 0, 0)
 LATENCY_S = 0.4
 """From a landing to the first frame of the next motion: an observer's word, its way, the judging of shapes, the bridge's lead."""
 LIMIT_S = 12.0
@@ -59,6 +60,7 @@ class CourseResult:
         feasible: all of them, at rest at the end, with clearance and strut force as a roll needs them.
         reason: why not, in one line; empty if feasible.
         faces: every face stood on, in order, from the first.
+        ended: the face at rest at the end; empty: none, or it did not come to rest.
         peak_force_n, clearance_m, travel_m: as of a roll.
         duration_s: simulated time.
         driven_s: how long each strut was driven, (6,).
@@ -71,6 +73,7 @@ class CourseResult:
     feasible: bool
     reason: str
     faces: tuple[str, ...]
+    ended: str
     peak_force_n: float
     clearance_m: float
     duration_s: float
@@ -136,6 +139,7 @@ def course_result_of(
         not reason,
         reason,
         faces,
+        FACE_NAMES[stood] if stood >= 0 else "",
         peak,
         clearance,
         float(record[w.SAMPLES]) * SAMPLE_S,
@@ -145,14 +149,11 @@ def course_result_of(
     )
 
 
-def stages_of_chain(
-    rolls: Sequence[ChainRoll], neutral: Policy, latency_s: float = LATENCY_S, observed: bool = True
-) -> tuple[Stage, ...]:
+def stages_of_chain(rolls: Sequence[ChainRoll], latency_s: float = LATENCY_S, observed: bool = True) -> tuple[Stage, ...]:
     """A chain's stages, and then neutral until at rest.
 
     Args:
         rolls: of the chain.
-        neutral: policy at the end.
         latency_s: from the landing to the next frame, beside a stage's own dwelling.
         observed: each roll waits for the face; else for its own time.
     """
@@ -162,4 +163,4 @@ def stages_of_chain(
         else Stage(roll.policy, roll.onto, roll.time_s)
         for roll in rolls
     ]
-    return (*stages, Stage(neutral, rolls[-1].onto))
+    return (*stages, Stage(NEUTRAL, rolls[-1].onto))

@@ -56,6 +56,11 @@ class RollResult:
     duration_s: float
     travel_m: tuple[float, float]
 
+    @property
+    def ended(self) -> str:
+        """The face at the end; empty: none."""
+        return (self.returned or self.actuated).face or ""
+
 
 @dataclass(frozen=True)
 class Sample:

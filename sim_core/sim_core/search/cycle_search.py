@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Finding cycles: a genetic algorithm over pairs of policies that roll on without stopping.
 
-Every generation breeds pairs and has them roll on over the turns of COURSES: on the nominal robot first, and those that get there on
-training robots, half of them with ideal actuators and half with actuators that feel their load. Reliability counts first, then metres
-for the time that struts are driven, then speed. As in `genetic_search` a generation is a function of its number, the seed and the
-elites.
+Every generation breeds pairs and has them roll on over the turns of COURSES: on the nominal robot first, and those that get there
+on training robots, half of them with ideal actuators and half with actuators that feel their load. Reliability counts first, then
+metres for the time that struts are driven, then speed. As in `genetic_search` a generation is a function of its number, the seed and
+the elites.
 """
 
 from collections.abc import Mapping, Sequence
@@ -17,6 +17,7 @@ from sim_core.dynamics.actuators import ActuatorParameters, load_actuators
 from sim_core.gaits.cycle import TURNS, Cycle, CycleStage, chain_of, faces_of
 from sim_core.rolling.course import Course, stages_of_chain
 from sim_core.structure.parameters import Prototype
+from sim_core.structure.policy import checked_policy
 from sim_core.structure.symmetry import REFERENCE_TC, REFERENCE_TO
 from sim_core.studies.local_runner import Chunk, Draw, Runner, Trials, WhichRobot, joined, run_here
 from sim_core.uncertainty.perturbation_law import Law
@@ -33,7 +34,6 @@ NOMINAL_ENOUGH = 0.95
 FIRST_LOOK = 4
 SLACK = 0.12
 """A pair is tried on the rest if its first look is no farther below the last elite."""
-NEUTRAL = (0,) * 6
 
 
 @dataclass(frozen=True)
@@ -78,9 +78,10 @@ class Genes(NamedTuple):
     def cycle(self) -> Cycle:
         """As a cycle without name or figures; its stages' own times are not known yet."""
         one, other = (
-            CycleStage(policy, 0.1 * dwell, 0.0) for policy, dwell in zip((self.first, self.second), self.dwell, strict=True)
+            CycleStage(checked_policy(policy, 10_000), 0.1 * dwell, 0.0)
+            for policy, dwell in zip((self.first, self.second), self.dwell, strict=True)
         )
-        return Cycle("", (one, other))  # type: ignore[arg-type]
+        return Cycle("", (one, other))
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class Tried:
 class CycleSearch:
     """A search that can be looked at, stopped and resumed between generations."""
 
-    def __init__(self, prototype: Prototype, plan: CyclePlan, runner: Runner = run_here, state: Mapping[str, Any] | None = None):
+    def __init__(self, prototype: Prototype, plan: CyclePlan, runner: Runner = run_here):
         self.prototype, self.plan, self._run = prototype, plan, runner
         self.generation, self.rolled = 0, 0
         self._actuators = load_actuators()
@@ -108,10 +109,12 @@ class CycleSearch:
 
     @property
     def done(self) -> bool:
+        """Nothing left to search."""
         return self.generation >= self.plan.generations
 
     @property
     def elites(self) -> tuple[Tried, ...]:
+        """Best first."""
         return tuple(self._elites)
 
     def step(self) -> None:
@@ -193,7 +196,7 @@ class CycleSearch:
         jobs = []
         for cycle, turns, robot in work:
             rolls = chain_of(cycle, faces_of(REFERENCE_TC, REFERENCE_TO, turns))
-            jobs.append(Course(number[robot], REFERENCE_TC, stages_of_chain(rolls, NEUTRAL)))
+            jobs.append(Course(number[robot], REFERENCE_TC, stages_of_chain(rolls)))
         self.rolled += len(jobs)
         chunks = [Chunk(self.prototype, draws, tuple(jobs[at : at + 256]), actuators=actuators) for at in range(0, len(jobs), 256)]
         return joined(self._run(chunks))

@@ -215,7 +215,7 @@ def _batch_of(
 
 
 def _strength_of(draw: WhichRobot) -> Array:
-    """Factors (6,) of a robot's actuators on speed, stall and back-drive force: off by as much as the robot, from a draw of their own."""
+    """Factors (6,) of a robot's actuators on speed, stall and back-drive force: off by as much as it, from a draw of their own."""
     if not isinstance(draw, Draw):
         return np.ones(6)
     return 1.0 + draw.law.scale * np.random.default_rng([draw.seed, draw.number, 1]).uniform(-1.0, 1.0, 6)

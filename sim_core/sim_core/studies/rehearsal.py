@@ -6,8 +6,10 @@ from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 from sim_core.dynamics.model import Model
+from sim_core.gaits.cycle import Chain
 from sim_core.gaits.library import Gait
 from sim_core.rolling.batch import Batch, Job
+from sim_core.rolling.course import Course, stages_of_chain
 from sim_core.studies.binomial_intervals import Rate, rate_of
 from sim_core.uncertainty.ensemble import Posterior
 from sim_core.uncertainty.perturbation_law import Law, sample
@@ -20,7 +22,7 @@ NO_FACE = "no face"
 
 
 class Rehearsed(NamedTuple):
-    """What an ensemble says of a gait.
+    """What an ensemble says of a gait, or of a chain of rolls.
 
     Attributes:
         rate: successes of the members, with their Clopper–Pearson interval.
@@ -28,7 +30,7 @@ class Rehearsed(NamedTuple):
         reasons: why members failed -> how many.
     """
 
-    gait: Gait
+    gait: Gait | Chain
     rate: Rate
     outcomes: Mapping[str, int]
     reasons: Mapping[str, int]
@@ -62,15 +64,21 @@ class Ensemble:
         """Settle the members on these faces now, so that a rehearsal from there need not."""
         self._batch.settle([(member, face) for member in range(self._members) for face in faces])
 
-    def rehearse(self, gaits: Sequence[Gait]) -> list[Rehearsed]:
-        """Every gait on every member, from rest at neutral lengths on its source."""
-        jobs = [Job(member, gait.source, gait.policy, gait.target) for gait in gaits for member in range(self._members)]
+    def rehearse(self, gaits: Sequence[Gait | Chain]) -> list[Rehearsed]:
+        """Every gait and chain on every member, from rest at neutral lengths on its source."""
+        jobs = [_job(member, gait) for gait in gaits for member in range(self._members)]
         results = self._batch.run(jobs)
         found = []
         for number, gait in enumerate(gaits):
             own = results[number * self._members : (number + 1) * self._members]
-            ends = Counter((result.returned or result.actuated).face or NO_FACE for result in own)
+            ends = Counter(result.ended or NO_FACE for result in own)
             why = Counter(result.reason for result in own if not result.feasible)
             rate = rate_of(sum(result.feasible for result in own), self._members)
             found.append(Rehearsed(gait, rate, dict(ends.most_common()), dict(why.most_common())))
         return found
+
+
+def _job(member: int, gait: Gait | Chain) -> Job | Course:
+    if isinstance(gait, Chain):
+        return Course(member, gait.source, stages_of_chain(gait.rolls))
+    return Job(member, gait.source, gait.policy, gait.target)

@@ -82,5 +82,5 @@ def test_a_damaged_cycle_is_named(wrong, right):
     assert wrong in text
     if right == "[1]":
         text += "- name: C1\n  stages: []\n"
-    with pytest.raises(LibraryError, match="cycle [12]"):
+    with pytest.raises(LibraryError, match=r"cycle [12]"):
         parse_library(parse_yaml(text.replace(wrong, right), "there"), "there")

@@ -57,8 +57,8 @@ def figures_of(prototype: Prototype, study: Study) -> Figures:
 def no_work(chunk: Chunk, _sources: str) -> Trials:
     """Trials as large as a chunk's, of nothing done."""
     n = len(chunk.jobs)
-    columns = np.zeros((8, n), dtype=np.float32)
-    return Trials(np.zeros(n, dtype=np.bool_), *columns, ("",) * n, (False,) * n, ("",) * n, Cost())
+    a, b, c, d, e, f, g, h = np.zeros((8, n), dtype=np.float32)
+    return Trials(np.zeros(n, dtype=np.bool_), a, b, c, d, e, f, g, h, ("",) * n, (False,) * n, ("",) * n, Cost())
 
 
 def _overhead_s(chunk: Chunk) -> float:

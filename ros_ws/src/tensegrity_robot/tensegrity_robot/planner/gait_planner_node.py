@@ -4,6 +4,7 @@
 import concurrent.futures
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,11 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hardware_bridge.errors import may_be_sent_again
 from sim_core.errors import RollRefused, SimError
+from sim_core.gaits.cycle import Chain
 from sim_core.gaits.library import Gait, load_library
 from sim_core.gaits.roll_sequence import (
     Lengths,
+    Link,
     Move,
     Phase,
     RollOutcome,
@@ -46,7 +49,7 @@ from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot.planner.lease_client import CALL_TIMEOUT_S, Lease
 from tensegrity_robot.planner.rehearsal_worker import Rehearser, Rehearsing, rehearsal_message
-from tensegrity_robot.planner.services import serve_face_graph, serve_rehearse, wanted_gait
+from tensegrity_robot.planner.services import serve_face_graph, serve_rehearse, wanted_chain, wanted_gait
 from tensegrity_robot.ros import qos, topics
 from tensegrity_robot.ros.event_filters import EventTimes
 from tensegrity_robot.ros.node_help import About
@@ -57,6 +60,10 @@ TICK_S = 0.1
 MOST_SENDS = 5
 """How often one motion is sent. The bridge judges shapes that are new to it, which may take longer than a stamp is good for, and
 remembers them: sent again, the same motion is accepted at once."""
+MOST_BLIND = 6
+"""Rolls of a chain that nobody sees: after so many its face is not known well enough to be predicted."""
+DUTY_MARGIN_S = 2.0
+"""Running time that is left over for the way back when a chain ends for want of it."""
 SILENT_S = 3.0
 """A bridge that publishes no state for this long is gone; it does at 2 Hz."""
 LONG_AGO = -1
@@ -87,6 +94,7 @@ class PlannerParameters:
     rehearse_incline_deg: float = parameter(
         0.0, "incline of the ground under these twins, downhill all round [degrees]", low=0.0, high=MAX_INCLINE_DEG
     )
+    longest_chain: int = parameter(24, "most rolls in a row without a stop", low=2, high=200)
     least_odds: float = parameter(
         0.0,
         "a roll that rehearsal finds less likely than this is refused unless its goal says anyway",
@@ -105,12 +113,13 @@ class _Running:
     done: Future = field(default_factory=Future)
     begun: bool = False
     cancelled_at: float | None = None
-    gait: Gait | None = None
+    gait: Gait | Chain | None = None
     rehearsal: concurrent.futures.Future[Rehearsing] | None = None
     probability: float = math.nan  # as rehearsed; NaN: not yet, or nobody asked
     unlikely: bool = False  # and refused for that
     motion: Any = None
     move: Move | None = None
+    motions: int = 0  # that were asked for: what an older one still has to say does not matter
     sends: int = 0  # of `move`
     motion_asked: float | None = None  # when the bridge was asked for the motion that is under way
     motion_began_ns: int = 0
@@ -138,6 +147,7 @@ class GaitPlannerNode(Node):
         self._twin_newest: TwinState | None = None
         self._observed: FaceObservation | None = None
         self._observer = False
+        self._blind_ns: int | None = None  # robot time of a chain that nobody saw: what was known before is not known since
         self._events = EventTimes()
         self._live = LiveBridge(self.get_logger().warning, self._forget_times)
         self._roll: _Running | None = None
@@ -216,6 +226,11 @@ class GaitPlannerNode(Node):
         if newest is not None and newest.session == self._live.session and self._events.has(newest.last_seq, newest.robot_time_ns):
             self._twin = newest  # it follows this bridge, and no further than we know ourselves
         sent, twin, seen = self._sent, self._twin, self._observed
+        if self._blind_ns is not None:
+            if seen is not None and seen.robot_time_ns > self._blind_ns:
+                self._blind_ns = None
+            else:
+                twin = seen = None
         return View(
             robot_time_ns=sent.robot_time_ns if sent else 0,
             lengths_m=_lengths(sent.length_m) if sent else (),
@@ -291,14 +306,54 @@ class GaitPlannerNode(Node):
         """The gait from the face known now. Raises SimError, naming what is valid."""
         roll = self._roll
         assert roll is not None
+        if request.faces:
+            return self._plan_chain(roll, request, source)
         require_adjacent(request.source_face or source, request.target_face)
+        self._require_source(request, source)
+        roll.gait = gait = wanted_gait(self._graph, source, request.target_face, request.primitive)
+        return RollPlan(source, request.target_face, _lengths(lengths_of(self._prototype, gait.policy)))
+
+    def _plan_chain(self, roll: _Running, request: Roll.Goal, source: str) -> RollPlan:
+        """The chain from the face known now. Raises SimError, naming what is valid."""
+        self._require_source(request, source)
+        if request.target_face not in ("", request.faces[-1]):
+            raise RollRefused(
+                f"target_face is {request.target_face}, the last of faces is {request.faces[-1]}: leave the former empty"
+            )
+        if len(request.faces) > self._settings.longest_chain:
+            raise RollRefused(
+                f"{len(request.faces)} faces are more than longest_chain {self._settings.longest_chain}: roll in parts"
+            )
+        roll.gait = chain = wanted_chain(self._graph, source, request.faces, request.primitive)
+        blind = self._rules.observe and not self._observer
+        if blind and not len(request.faces) <= request.blind_rolls <= MOST_BLIND:
+            raise RollRefused(
+                f"nobody observes the robot, and blind_rolls {request.blind_rolls} allows less than these {len(request.faces)} "
+                f"rolls (at most {MOST_BLIND}): give an observer, say blind_rolls, or roll face by face"
+            )
+        links = tuple(Link(_lengths(lengths_of(self._prototype, r.policy)), r.onto, r.dwell_s, r.time_s) for r in chain.rolls)
+        self._require_duty(links)
+        return RollPlan(source, chain.target, (), links, blind)
+
+    def _require_duty(self, links: tuple[Link, ...]) -> None:
+        """Raises RollRefused: there is not enough running time left for two rolls and the way back."""
+        left_s, needs_s = self._duty_left_s(), _needs_s(links, self._rules.neutral_m, self._prototype.actuator_speed_m_s)
+        if left_s < needs_s:
+            raise RollRefused(
+                f"the struts may run for {left_s:.0f} s yet, two rolls without a stop and the way back need {needs_s:.0f} s: let "
+                "them rest (duty_left_s in bridge/state)"
+            )
+
+    def _duty_left_s(self) -> float:
+        left_s = math.inf if self._bridge is None else float(self._bridge.duty_left_s)
+        return math.inf if math.isnan(left_s) else left_s
+
+    def _require_source(self, request: Roll.Goal, source: str) -> None:
         if request.source_face and request.source_face != source:
             raise RollRefused(
                 f"the robot is known to stand on {source}, not on {request.source_face}: leave source_face empty, or say where it "
                 "stands with set_face"
             )
-        roll.gait = gait = wanted_gait(self._graph, source, request.target_face, request.primitive)
-        return RollPlan(source, request.target_face, _lengths(lengths_of(self._prototype, gait.policy)))
 
     def _result(self, roll: _Running, outcome: RollOutcome) -> Roll.Result:
         if roll.cancelled_at is not None and roll.goal.is_cancel_requested:
@@ -313,7 +368,8 @@ class GaitPlannerNode(Node):
             success=outcome.success,
             completed=outcome.completed,
             reason=outcome.reason,
-            primitive=gait.primitive.name if gait else "",
+            rolls=outcome.rolls,
+            primitive=gait.cycle.name if isinstance(gait, Chain) else gait.primitive.name if gait else "",
             gait=gait.name if gait else "",
             predicted_face=outcome.predicted_face,
             observed_face=outcome.observed_face,
@@ -338,6 +394,9 @@ class GaitPlannerNode(Node):
             Roll.Feedback(
                 phase=str(roll.sequence.phase) if roll.begun else "rehearsing" if roll.rehearsal else "homing",
                 face=(known.face or "") if known is not None else "",
+                next_face=roll.sequence.next_face,
+                rolls=roll.sequence.rolls,
+                duty_left_s=self._duty_left_s(),
                 progress=self._progress(roll, view),
                 length_m=view.lengths_m,
                 odds=roll.probability,
@@ -346,6 +405,9 @@ class GaitPlannerNode(Node):
 
     def _progress(self, roll: _Running, view: View) -> float:
         """Part of the gait's time that is over: each of its two motions is one half."""
+        plan = roll.sequence.plan
+        if plan is not None and plan.links and roll.sequence.phase is Phase.ROLL_ON:
+            return roll.sequence.rolls / (len(plan.links) + 1)
         halves = {Phase.ACTUATE: 0.0, Phase.ACTUATE_SETTLE: 0.5, Phase.RETURN: 0.5, Phase.RETURN_SETTLE: 1.0, Phase.CONFIRM: 1.0}
         half = halves.get(roll.sequence.phase, 0.0)
         if roll.sequence.phase in (Phase.ACTUATE, Phase.RETURN) and roll.motion_s > 0.0:
@@ -370,6 +432,7 @@ class GaitPlannerNode(Node):
         elif roll.motion is None and roll.motion_asked is not None and time.monotonic() - roll.motion_asked > CALL_TIMEOUT_S:
             self._end_with(roll, "the bridge does not answer (action execute_struts)")
         else:
+            self._watch_duty(roll.sequence)
             try:
                 step = roll.sequence.look(self._view())
             except SimError as error:
@@ -379,6 +442,14 @@ class GaitPlannerNode(Node):
                 self._close(step)
             elif step is not None:
                 self._do(step)
+
+    def _watch_duty(self, sequence: RollSequence) -> None:
+        """A chain ends in neutral before the struts have run for as long as they may."""
+        if sequence.plan is not None and sequence.plan.links and sequence.phase is Phase.ROLL_ON:
+            neutral_m, speed_m_s = self._rules.neutral_m, self._prototype.actuator_speed_m_s
+            left_s, needs_s = self._duty_left_s(), _needs_s(sequence.plan.links, neutral_m, speed_m_s)
+            if left_s < needs_s:
+                sequence.end_early(f"the struts may run for {left_s:.0f} s yet, two rolls and the way back need {needs_s:.0f} s")
 
     def _begin(self, roll: _Running) -> None:
         """The first motion, as soon as homing is over and the struts' lengths are known."""
@@ -430,6 +501,8 @@ class GaitPlannerNode(Node):
     def _close(self, outcome: RollOutcome) -> None:
         roll = self._roll
         if roll is not None and not roll.done.done():
+            if roll.sequence.plan is not None and roll.sequence.plan.blind and roll.motions:
+                self._blind_ns = self._view().robot_time_ns
             roll.done.set_result(outcome)
 
     def _do(self, move: Move) -> None:
@@ -438,7 +511,8 @@ class GaitPlannerNode(Node):
         assert roll is not None
         roll.sends = roll.sends + 1 if move is roll.move else 1
         roll.move = move
-        view = self._view()
+        roll.motions += 1
+        number, view = roll.motions, self._view()
         knots = constant_speed_knots(view.lengths_m, move.lengths_m, self._prototype.actuator_speed_m_s)
         if not knots:
             roll.sequence.moved(view)
@@ -450,27 +524,31 @@ class GaitPlannerNode(Node):
             lease=self._lease.held,
             library_hash=self._library.hash,
             session=self._lease.session,
+            overtake=move.overtakes,
         )
-        self._struts.send_goal_async(goal).add_done_callback(lambda future: self._on_motion_answer(roll, future))
+        self._struts.send_goal_async(goal).add_done_callback(lambda future: self._on_motion_answer(roll, number, future))
 
     def _trajectory(self, knots: tuple[Knot, ...]) -> JointTrajectory:
         after = lambda time_s: Duration(nanoseconds=round(time_s * 1e9)).to_msg()  # noqa: E731
         points = [JointTrajectoryPoint(positions=list(knot.lengths_m), time_from_start=after(knot.time_s)) for knot in knots]
         return JointTrajectory(header=Header(stamp=self.get_clock().now().to_msg()), joint_names=STRUT_NAMES, points=points)
 
-    def _on_motion_answer(self, roll: _Running, future: Future) -> None:
+    def _on_motion_answer(self, roll: _Running, number: int, future: Future) -> None:
         handle = future.result()
         if not handle.accepted:
-            self._motion_over(roll, False, "the bridge rejected the motion: another one is running")
+            self._motion_over(roll, number, False, "the bridge rejected the motion: another one is running")
             return
-        roll.motion = handle
+        if number == roll.motions:
+            roll.motion = handle
         if roll.cancelled_at is not None or roll.done.done():
             handle.cancel_goal_async()
         handle.get_result_async().add_done_callback(
-            lambda done: self._motion_over(roll, done.result().result.success, done.result().result.reason)
+            lambda done: self._motion_over(roll, number, done.result().result.success, done.result().result.reason)
         )
 
-    def _motion_over(self, roll: _Running, success: bool, reason: str) -> None:
+    def _motion_over(self, roll: _Running, number: int, success: bool, reason: str) -> None:
+        if number != roll.motions:
+            return  # overtaken
         roll.motion = roll.motion_asked = None
         if roll.done.done():
             return
@@ -478,6 +556,8 @@ class GaitPlannerNode(Node):
             self._end_with(roll, "cancelled; the struts hold where they are")
         elif not success and may_be_sent_again(reason) and roll.move is not None and roll.sends < MOST_SENDS:
             self._do(roll.move)
+        elif not success and roll.sequence.phase is Phase.ROLL_ON and not self._trouble():
+            self._do(roll.sequence.give_up(f"the bridge ended the motion: {reason}"))
         elif not success:
             self._end_with(roll, f"the bridge ended the motion: {reason}")
         else:
@@ -493,6 +573,21 @@ def _unlikely(found: Rehearsing, least: float) -> str:
         f"{rate.successes} of {rate.trials} rehearsals of {found.wanted.gait.name} succeeded (they ended on {ends}), less than "
         f"least_odds {least:g}{instead}; to roll it nevertheless, say anyway in the goal"
     )
+
+
+def _needs_s(links: Sequence[Link], neutral_m: Lengths, speed_m_s: float) -> float:
+    """Running time that the strut that needs most has to have left: for two rolls more, wherever in the chain, and the way back."""
+    ways_m = [
+        [
+            abs(b - a) + abs(c - b) + abs(n - c)
+            for a, b, c, n in zip(one.lengths_m, two.lengths_m, three.lengths_m, neutral_m, strict=True)
+        ]
+        for one, two, three in zip(links, links[1:], links[2:], strict=False)
+    ]
+    first_m = [
+        abs(b - n) + abs(c - b) + abs(n - c) for b, c, n in zip(links[0].lengths_m, links[1].lengths_m, neutral_m, strict=True)
+    ]
+    return max(map(max, [first_m, *ways_m])) / speed_m_s + DUTY_MARGIN_S
 
 
 def _lengths(values: Any) -> Lengths:

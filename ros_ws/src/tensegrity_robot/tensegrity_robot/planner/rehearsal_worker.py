@@ -7,6 +7,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
 from sim_core.dynamics.model import build_model
+from sim_core.gaits.cycle import Chain
 from sim_core.gaits.library import Gait
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage, is_warm, warm_up
@@ -42,11 +43,13 @@ class Rehearser:
         """Settle the ensemble on a face, so that a rehearsal from there is quick."""
         self._worker.submit(lambda: self._ensemble.result().prepare(face))
 
-    def rehearse(self, wanted: Gait, graph: FaceGraph) -> Future[Rehearsing]:
-        """The wanted gait, and the best one to each other neighbour of its source.
+    def rehearse(self, wanted: Gait | Chain, graph: FaceGraph) -> Future[Rehearsing]:
+        """The wanted gait, and the best one to each other neighbour of its source; or a chain alone.
 
         The future raises SimError if the ensemble cannot be built.
         """
+        if isinstance(wanted, Chain):
+            return self._worker.submit(self._run, [wanted])
         others = [graph.choices(wanted.source, face)[:1] for face in NEIGHBOURS[wanted.source] if face != wanted.target]
         return self._worker.submit(self._run, [wanted, *(choice.gait for best in others for choice in best)])
 
@@ -54,7 +57,7 @@ class Rehearser:
         """Begin nothing more; what runs ends by itself."""
         self._worker.shutdown(wait=False, cancel_futures=True)
 
-    def _run(self, gaits: Sequence[Gait]) -> Rehearsing:
+    def _run(self, gaits: Sequence[Gait | Chain]) -> Rehearsing:
         ensemble = self._ensemble.result()
         began = time.perf_counter()
         return Rehearsing(tuple(ensemble.rehearse(gaits)), time.perf_counter() - began)
@@ -80,8 +83,8 @@ def _gait_message(rehearsed: Rehearsed) -> RehearsedGait:
     gait, rate = rehearsed.gait, rehearsed.rate
     return RehearsedGait(
         target_face=gait.target,
-        primitive=gait.primitive.name,
-        proper=gait.proper,
+        primitive=gait.cycle.name if isinstance(gait, Chain) else gait.primitive.name,
+        proper=isinstance(gait, Chain) or gait.proper,
         successes=rate.successes,
         members=rate.trials,
         odds=rate.value,
