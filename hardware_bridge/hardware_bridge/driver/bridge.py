@@ -28,7 +28,7 @@ from hardware_bridge.safety.compatibility import require_fit
 from hardware_bridge.safety.duty_cycle import returns
 from hardware_bridge.safety.homing import homing_path, known_pulses
 from hardware_bridge.safety.limit_checks import SHAPE_STEP_M, Rules, check_homing, check_trajectory
-from hardware_bridge.safety.overtaking import joined
+from hardware_bridge.safety.overtaking import joined, paced
 from hardware_bridge.safety.shape_cache import ShapeMemory
 from hardware_bridge.safety.supervisor_messages import NONE_KNOWN, Arm, Disarm, Execute, Hold, Mode, Overtake, Prove, Reset, Stop
 from hardware_bridge.safety.trajectory import Trajectory
@@ -272,7 +272,7 @@ class Bridge:
             stamp_age_s: wall time since the command was made, in [s]. What judging takes here is added.
             overtake: replace the motion that is running, without a stop between: it ends as `overtaken`. The new one begins some
                 `LEAD_S` of wall time from now, from where the old one has come to then; its times are the least ones (see
-                `safety.overtaking`). With no motion running this changes nothing.
+                `safety.overtaking`), also if that motion has just ended.
 
         Raises:
             Refused: nothing moves. `LimitError`, `ShapeError`, `LeaseError`, `StaleError`, `StateError`, `FaultLatched`.
@@ -295,6 +295,8 @@ class Bridge:
                 if now is not None and runs and (now.progress_s <= from_s or lead_s > MOST_LEAD * LEAD_S):
                     return self._accept(trajectory, lease, age, (motion.number, from_s))
             lead_s *= 2.0  # judging took longer than that
+        if overtake:
+            trajectory = paced(self._engine.lengths_m(), trajectory, self.rules.limits.speed_m_s)
         self.judge_motion(trajectory, lease)
         return self._accept(trajectory, lease, age)
 
