@@ -86,9 +86,11 @@ def test_the_bridge_ends_well(interrupted, how):
 def test_the_last_frame_holds_the_struts_where_the_board_is(interrupted, how):
     session = read_session(interrupted[how][0])
     writes = [message for message in session.of("bridge/struts_sent") if not message.heartbeat]
-    last, before, earlier = writes[-1], writes[-2], writes[-3]
-    for held, sent, was in zip(last.pulse_us, before.pulse_us, earlier.pulse_us, strict=True):
-        assert min(sent, was) - 1 <= held <= max(sent, was) + 1
+    last, before = writes[-1], writes[-2]
+    for held, *sent_lately in zip(last.pulse_us, *(write.pulse_us for write in writes[-4:-1]), strict=True):
+        sent = sent_lately[-1]
+        # two late frames in one turn leave the board more than one of them behind
+        assert min(sent_lately) - 1 <= held <= max(sent_lately) + 1
         assert abs(held - sent) <= 12, "a frame at the speed limit, and a pulse"
     assert last.duration_ms == before.duration_ms == 55
     # 10 mm off neutral had been sent; the board, where it is held, is up to one frame at the speed limit behind
