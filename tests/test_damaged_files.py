@@ -13,8 +13,9 @@ from mcap.reader import make_reader
 from mcap.writer import Writer
 
 from hardware_bridge.calibration.calibration_file import Calibration, load_calibration, write_calibration
-from hardware_bridge.errors import BridgeError
-from hardware_bridge.recording.bag_reader import BagError, file_of, read_bag, read_session
+from hardware_bridge.errors import BagError, BridgeError
+from hardware_bridge.recording.bag_on_disk import file_of
+from hardware_bridge.recording.bag_reader import read_bag, read_session
 from hardware_bridge.recording.bag_types import TOPICS
 from hardware_bridge.recording.journal import finish_journal
 from sim_core.errors import SimError

@@ -243,6 +243,10 @@ class RecorderError(BridgeError):
         super().__init__(f"log {path}: {problem}")
 
 
+class BagError(BridgeError):
+    """A bag that cannot be read."""
+
+
 class SchemaError(BridgeError):
     """A message type that is not installed."""
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from hardware_bridge.boards.lsc import CMD_BATTERY, FrameDecoder, encode_battery_reply
 from hardware_bridge.calibration.calibration_file import load_calibration, text_of
+from hardware_bridge.recording.bag_on_disk import journal_of
 from sim_core.names import STRUT_NAMES
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
@@ -90,7 +91,7 @@ def damaged_journal(lab: Rig) -> Evidence:
     acknowledged = int(operator.bridge.bag_messages)
     bridge.signal(signal.SIGKILL)
     bridge.ends()
-    journal = bag / f"{bag.name}.mcap.journal"
+    journal = journal_of(bag)
     with journal.open("r+b") as file:
         file.seek(journal.stat().st_size // 2)
         file.write(bytes(DAMAGE))

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
 
+from hardware_bridge.recording.bag_on_disk import file_of, journal_of
 from hardware_bridge.recording.bag_reader import Session, read_session
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_lab.bags.replay import ReplayError, model_of, require_same_model
@@ -33,7 +34,7 @@ def log_fails(lab: Rig) -> Evidence:
     motion = operator.begin_motion((80.0, stretched(1, 0.04)), lease=lease)
     operator.moves(motion, 0.001)
     bridge, bag = lab.node("hardware_bridge"), Path(operator.bridge.bag)
-    size = (bag / f"{bag.name}.mcap.journal").stat().st_size + ROOM_BYTES
+    size = journal_of(bag).stat().st_size + ROOM_BYTES
     resource.prlimit(bridge.pid, resource.RLIMIT_FSIZE, (size, size))  # the kernel refuses what is beyond, as a full disk does
     result = operator.end(motion).result
     evidence.says(result.reason, "the log is dead", "File too large")
@@ -109,7 +110,7 @@ def signals_in_mid_gait(lab: Rig) -> Evidence:
         for number in numbers:
             bridge.signal(number)
         expect(bridge.ends(10.0) == 0 and "Traceback" not in bridge.output, f"it ended with {bridge.code}: {bridge.output}")
-        expect(bag.exists() and not (bag / f"{bag.name}.mcap.journal").exists(), "the log is not finished")
+        expect(file_of(bag).is_file() and not journal_of(bag).exists(), "the log is not finished")
         session = read_session(bag)
         writes = [message for message in session.of("bridge/struts_sent") if not message.heartbeat]
         earlier, before, last = (message.pulse_us for message in writes[-3:])

@@ -23,10 +23,9 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Chunk, Metadata, Schema
 
-from hardware_bridge.errors import BridgeError
+from hardware_bridge.errors import BagError
+from hardware_bridge.recording.bag_on_disk import AT_ITS_END, CONVERT, files_of, is_bag_folder
 from hardware_bridge.recording.bag_types import misfit_of
-from sim_core.errors import FileError
-from sim_core.files.yaml_reader import read_yaml
 from sim_core.printable import printable
 
 MAGIC = b"\x89MCAP0\r\n"
@@ -48,19 +47,8 @@ MOST_WANTED = 1 << 30
 MOST_ATTACHED = 64 << 20
 MOST_CHANNELS = 10_000
 
-MOST_FILES = 1000
-"""Of one folder."""
-ROSBAG2 = "metadata.yaml"
-"""What rosbag2 keeps beside the files of a bag."""
-
-_CONVERT = "convert it with `ros2 bag convert` to storage mcap, or give an .mcap file"
 _TOO_LARGE = "is too large to be read at once"
-_AT_ITS_END = "the bridge makes a bag of it at its next start with this bag_folder, or when that session ends"
 _COPY = "copy it again from where it was recorded"
-
-
-class BagError(BridgeError):
-    """A bag that cannot be read."""
 
 
 class Recorded(NamedTuple):
@@ -105,9 +93,9 @@ class Session:
                 yield from messages
 
     def require(self, *topics: str) -> None:
-        """Raises BagError: a bag of rosbag2, which records what it is told to, has no message of one of them."""
+        """Raises BagError: a bag that is not the bridge's, so that it holds what somebody chose, has no message of one of them."""
         missing = [topic for topic in topics if next(self.recorded(topic), None) is None]
-        if missing and is_bag_folder(self.path):
+        if missing and "session" not in self.metadata:
             raise BagError(f"{self.path} holds no message of topic {missing[0]}: record it too, or give a bag of the bridge")
 
     def of(self, topic: str) -> Iterator[Any]:
@@ -166,15 +154,15 @@ def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Bag:
     if file.suffix == ".mcap" and not file.exists() and is_bag_folder(file.with_suffix("")):
         file = file.with_suffix("")  # as the bridge's bags were called when they were single files
     try:
-        parts = _files_in(file) if file.is_dir() else [file]
-        bag = Bag(file)
-        for part in parts:
+        bag, size = Bag(file), 0
+        for part in files_of(file):
             with part.open("rb") as stream:
                 read = _Reading(part, stream, os.fstat(stream.fileno()).st_size, topics).bag()
             bag.messages += read.messages
             bag.attachments |= read.attachments
             bag.metadata |= read.metadata
-            if len(parts) > 1 and (len(bag.messages) > MOST_MESSAGES or sum(len(m.data) for m in bag.messages) > MOST_WANTED):
+            size += sum(len(message.data) for message in read.messages)
+            if len(bag.messages) > MOST_MESSAGES or size > MOST_WANTED:
                 raise BagError(f"{file} {_TOO_LARGE}: give its files one by one")
     except OSError as error:
         raise BagError(
@@ -182,54 +170,6 @@ def read_bag(path: Path | str, topics: Collection[str] | None = None) -> Bag:
         ) from error
     bag.messages.sort(key=lambda message: message.log_time_ns)
     return bag
-
-
-def is_bag_folder(path: Path) -> bool:
-    """Whether it is a folder that rosbag2 would read as one bag."""
-    return (path / ROSBAG2).is_file()
-
-
-def file_of(bag: Path) -> Path:
-    """Where the log lies in the folder of a bag that the bridge recorded; rosbag2 numbers its own files."""
-    return bag / f"{bag.name}.mcap"
-
-
-def whole_bag(path: Path) -> Path:
-    """The bag's folder, if the path is of the bridge's file in it; else the path."""
-    return path.parent if is_bag_folder(path.parent) and path == file_of(path.parent) else path
-
-
-def bags_in(folder: Path) -> list[Path]:
-    """The bags that lie in a folder, by name: folders, and single files, as older bridges wrote them."""
-    return sorted([*folder.glob("*.mcap"), *(path.parent for path in folder.glob(f"*/{ROSBAG2}"))])
-
-
-def _files_in(folder: Path) -> list[Path]:
-    """The files of a folder that the bridge or rosbag2 wrote, in order. Raises BagError: it is none, or not of our storage."""
-    if not is_bag_folder(folder):
-        if file_of(folder).is_file():  # its metadata is lost, or comes in a moment
-            return [file_of(folder)]
-        if file_of(folder).with_suffix(".mcap.journal").exists():
-            raise BagError(f"{folder} is of a session that lives or was cut short: {_AT_ITS_END}")
-        inside = [path.name for path in sorted(folder.iterdir()) if path.suffix in (".mcap", ".db3")]
-        what = f"it holds {inside[0]}" if inside else "there is no .mcap file in it"
-        remedy = f" of the bridge, or write its {ROSBAG2} with `ros2 bag reindex`" if inside else ""
-        raise BagError(f"{folder} is a folder without {ROSBAG2}, and {what}: give an .mcap file{remedy}")
-    try:
-        information = read_yaml(folder / ROSBAG2)["rosbag2_bagfile_information"]
-        names, storage = information["relative_file_paths"], information["storage_identifier"]
-        packed = information.get("compression_mode") or ""
-        parts = [folder / Path(name).name for name in names][: MOST_FILES + 1]  # old ones name the folder too
-    except (FileError, KeyError, TypeError, AttributeError) as error:
-        why = error.problem if isinstance(error, FileError) else "rosbag2 did not write it"
-        raise BagError(f"{folder / ROSBAG2} makes no sense ({why}): write it again with `ros2 bag reindex`") from error
-    if storage != "mcap":
-        raise BagError(f"{folder} is a bag of rosbag2's {printable(str(storage), 20)} storage: {_CONVERT}")
-    if str(packed).lower() == "message":
-        raise BagError(f"{folder} has messages compressed one by one: {_CONVERT}")
-    if not parts or len(parts) > MOST_FILES:
-        raise BagError(f"{folder / ROSBAG2} names {len(names)} files, valid are 1 to {MOST_FILES}: {_CONVERT}")
-    return parts
 
 
 def live_name(topic: str) -> str:
@@ -286,7 +226,7 @@ class _Reading:
         if not start:
             raise self._fail("is empty", "nothing was recorded in it, give another bag")
         if (start + self._stream.read(8)).startswith(b"SQLite format 3"):
-            raise self._fail("is a bag of rosbag2's sqlite3 storage", _CONVERT)
+            raise self._fail("is a bag of rosbag2's sqlite3 storage", CONVERT)
         if start.startswith(b"\x28\xb5\x2f\xfd"):
             raise self._fail("is compressed as a whole", "unpack it with `zstd -d` first")
         if MAGIC.startswith(start):
@@ -296,7 +236,7 @@ class _Reading:
     def _cut(self) -> BagError:
         path = self._bag.path
         if path.suffix == ".journal":
-            return self._fail("is the journal of a session that lives or was cut short", _AT_ITS_END)
+            return self._fail("is the journal of a session that lives or was cut short", AT_ITS_END)
         journal = path.with_name(path.name + ".journal")
         if journal.exists():
             return self._fail(f"is being written, {journal.name} lies beside it", "wait until the bridge has closed it")

@@ -4,10 +4,9 @@
 While a session lives, messages go unchunked into `<name>.mcap.journal` and each is flushed. After each record comes another one,
 of a kind that other readers skip: the record's length and checksum behind a mark that nothing else has. At the session's end the
 journal is rewritten chunked, compressed and indexed as `<name>.mcap`, read again and compared, and only then dropped; in a folder
-`<name>` of its own it gets rosbag2's `metadata.yaml`. The same
-function finishes the journal of a session that was killed: damage costs the damaged place only, what follows it is found by the
-marks, and a journal of which more than a cut tail could not be read is kept. Journals of old have no marks; in them the next record
-is found by what a record of that session can look like.
+`<name>` of its own it gets rosbag2's `metadata.yaml`. The same function finishes the journal of a session that was killed: damage
+costs the damaged place only, what follows it is found by the marks, and a journal of which more than a cut tail could not be read
+is kept. Journals of old have no marks; in them the next record is found by what a record of that session can look like.
 """
 
 import hashlib
@@ -33,8 +32,8 @@ from mcap.summary import Summary
 from mcap.writer import CompressionType, Writer
 
 from hardware_bridge.errors import RecorderError
+from hardware_bridge.recording.bag_on_disk import write_metadata
 from hardware_bridge.recording.bag_reader import FRAME, MAGIC, MESSAGE_HEAD
-from hardware_bridge.recording.rosbag2_metadata import write_metadata
 
 PROFILE = "ros2"
 LIBRARY = "sixstrut"

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import IO
 
 from hardware_bridge.errors import BridgeError, RecorderError
-from hardware_bridge.recording.bag_reader import file_of
+from hardware_bridge.recording.bag_on_disk import file_of, journals_in
 from hardware_bridge.recording.journal_repair import mend
 from hardware_bridge.recording.message_definitions import ShareSchemas
 from hardware_bridge.recording.recorder import Recorder
@@ -41,12 +41,6 @@ def make_bag(folder: Path, now: time.struct_time) -> Path:
                 bag.mkdir()
                 return bag
     raise FileExistsError(f"{folder} is full of sessions of this second")
-
-
-def journals_in(folder: Path) -> list[Path]:
-    """The journals of a folder's bags, and of single files, as older bridges wrote them."""
-    own = [path for path in folder.glob("*/*.mcap.journal") if path.with_suffix("") == file_of(path.parent)]
-    return sorted([*folder.glob("*.mcap.journal"), *own])
 
 
 def versions() -> dict[str, str]:

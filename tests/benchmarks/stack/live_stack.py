@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from hardware_bridge.recording.bag_on_disk import journal_of
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from tensegrity_interfaces.msg import BridgeState
@@ -102,7 +103,7 @@ def twin_cost(doing: str, rate_hz: float, ticks: Sequence[tuple[int, int]], cpu:
 def _load(probe: Probe, bag: Path) -> Iterator[list[Load]]:
     """Gives a list that holds, after the block, what the bridge recorded meanwhile."""
     found: list[Load] = []
-    journal = bag / f"{bag.name}.mcap.journal"
+    journal = journal_of(bag)
 
     def look() -> tuple[float, int, int, int]:
         before = probe.log

@@ -15,8 +15,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
-from hardware_bridge.errors import SchemaError
-from hardware_bridge.recording.bag_reader import BagError, read_bag, read_session
+from hardware_bridge.errors import BagError, SchemaError
+from hardware_bridge.recording.bag_reader import read_bag, read_session
 from hardware_bridge.recording.bag_types import TOPICS, misfit_of
 from tests.hardware_bridge.recording.test_message_definitions import SCHEMAS
 from tests.scale import examples
@@ -284,7 +284,8 @@ READ = """
 import resource, sys
 from pathlib import Path
 resource.setrlimit(resource.RLIMIT_AS, (500 << 20, 500 << 20))
-from hardware_bridge.recording.bag_reader import BagError, read_session
+from hardware_bridge.errors import BagError
+from hardware_bridge.recording.bag_reader import read_session
 for path in sorted(Path(sys.argv[1]).glob("*.mcap")):
     try:
         read_session(path, topics=["x"])

@@ -11,10 +11,11 @@ from rclpy.serialization import serialize_message
 from rosbags.rosbag2 import Reader
 from std_msgs.msg import String
 
-from hardware_bridge.errors import RecorderError
+from hardware_bridge.errors import BagError, RecorderError
 from hardware_bridge.recording import session_bag
-from hardware_bridge.recording.bag_reader import BagError, bags_in, is_bag_folder, read_session, whole_bag
-from hardware_bridge.recording.session_bag import SessionLog, bag_folder, journals_in, make_bag, mend_journals
+from hardware_bridge.recording.bag_on_disk import bags_in, is_bag_folder, journals_in, whole_bag
+from hardware_bridge.recording.bag_reader import read_session
+from hardware_bridge.recording.session_bag import SessionLog, bag_folder, make_bag, mend_journals
 from sim_core.files.yaml_reader import read_yaml
 from tensegrity_robot.ros.event_filters import EventTimes, ObservationFilter
 

@@ -12,7 +12,9 @@ import pytest
 from mcap.reader import make_reader
 from mcap.writer import Writer
 
-from hardware_bridge.recording.bag_reader import BagError, file_of, read_session, seconds_of
+from hardware_bridge.errors import BagError
+from hardware_bridge.recording.bag_on_disk import file_of
+from hardware_bridge.recording.bag_reader import read_session, seconds_of
 from sim_core.dynamics.model import build_model
 from sim_core.structure.parameters import load_prototype
 from tensegrity_lab.bags import rehearsed_rolls, trial_replay
@@ -41,8 +43,11 @@ def test_the_example_s_rolls_were_foretold_and_came(tmp_path):
     assert picture.read_bytes().startswith(b"\x89PNG")
 
 
-def recorded_by_rosbag2(path: Path, without: tuple[str, ...] = ()) -> Path:
-    """The example as rosbag2 records it beside the live stack: live names, nothing attached, in two files."""
+def recorded_by_rosbag2(path: Path, without: tuple[str, ...] = (), facts: dict[str, str] | None = None) -> Path:
+    """The example as rosbag2 records it beside the live stack: live names, nothing attached, in two files.
+
+    `facts`: what a bridge says of its session, if that recorded it.
+    """
     rows = list(make_reader(io.BytesIO(file_of(BAG).read_bytes())).iter_messages())
     rows = [row for row in rows if not row[1].topic.endswith(without or "\n")]
     path.parent.mkdir(exist_ok=True)
@@ -51,6 +56,8 @@ def recorded_by_rosbag2(path: Path, without: tuple[str, ...] = ()) -> Path:
         with (path / f"rec_{number}.mcap").open("wb") as stream:
             writer, channels = Writer(stream), {}
             writer.start("ros2", "rosbag2")
+            if facts is not None:
+                writer.add_metadata("session", facts)
             for schema, channel, message in part:
                 if channel.topic not in channels:
                     kind = writer.register_schema(schema.name, schema.encoding, schema.data)
@@ -84,6 +91,11 @@ def test_a_topic_that_rosbag2_was_not_told_to_record_is_named(tmp_path, topic):
     recorded = recorded_by_rosbag2(tmp_path / "bags" / "rosbag", without=(topic,))
     with pytest.raises(BagError, match=f"holds no message of topic {topic}: record it too"):
         foretold_in(recorded)
+
+
+def test_a_session_of_the_bridge_in_which_nothing_was_rehearsed_is_no_fault(tmp_path):
+    bag = recorded_by_rosbag2(tmp_path / "bags" / "own", without=("rehearsal",), facts={"model": ""})
+    assert foretold_in(bag) == []
 
 
 def test_a_roll_that_ended_elsewhere_failed_and_one_without_a_rehearsal_does_not_count(monkeypatch):

@@ -8,7 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from hardware_bridge.recording.bag_reader import BagError, Session, read_session
+from hardware_bridge.errors import BagError
+from hardware_bridge.recording.bag_reader import Session, read_session
 from sim_core.dynamics.model import build_model
 from sim_core.errors import SimError
 from tensegrity_lab.bags.replay import ReplayError, events_of, model_of, replay, require_same_model

@@ -6,7 +6,7 @@ import time
 
 import pytest
 
-from hardware_bridge.recording.bag_reader import BagError
+from hardware_bridge.errors import BagError
 from tensegrity_lab.bags.rehearsed_rolls import newest
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.folder import newest_session, open_session, require_free

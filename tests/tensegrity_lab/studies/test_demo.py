@@ -195,9 +195,9 @@ def test_what_does_not_come_in_time_on_a_busy_computer_says_so(monkeypatch):
 def test_the_bag_is_known_by_the_bridges_log_whatever_its_operator_heard(tmp_path):
     stack = Stack(tmp_path)
     assert recorded_bag(stack) is None
-    code = "print('[INFO] [1.0] [bridge]: lsc at /tmp/x, time scale 8, recording /b a/session_1.mcap; DISARMED, nothing moves')"
+    code = "print('[INFO] [1.0] [bridge]: lsc at /tmp/x, time scale 8, recording /b a/session_1; DISARMED, nothing moves')"
     stack.start("hardware_bridge", [sys.executable, "-c", code]).ends()
-    assert recorded_bag(stack) == Path("/b a/session_1.mcap")
+    assert recorded_bag(stack) == Path("/b a/session_1")
 
 
 @pytest.mark.parametrize(

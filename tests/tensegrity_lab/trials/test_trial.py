@@ -19,7 +19,7 @@ import pytest
 from rosbags.highlevel import AnyReader
 from rosbags.typesys import Stores, get_typestore
 
-from hardware_bridge.recording.bag_reader import bags_in
+from hardware_bridge.recording.bag_on_disk import bags_in
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
 from tensegrity_lab.session_data.ledger import LEDGER, Ledger
 from tensegrity_lab.session_data.ledger_line import Event, Outcome, text_of

@@ -16,7 +16,8 @@ from rosbags.rosbag2 import Reader
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from hardware_bridge.boards.lsc import FrameDecoder, Move, decode_move
-from hardware_bridge.recording.bag_reader import Session, file_of, read_session
+from hardware_bridge.recording.bag_on_disk import file_of, journal_of
+from hardware_bridge.recording.bag_reader import Session, read_session
 from sim_core.dynamics.model import build_model
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.follower import Follower, Observed, Sent
@@ -78,8 +79,8 @@ def test_the_bridge_ends_well(interrupted, how):
     bag, code, output = interrupted[how]
     assert code == 0, output
     assert "Traceback" not in output
-    assert bag.exists()
-    assert not (bag / f"{bag.name}.mcap.journal").exists()
+    assert file_of(bag).is_file()
+    assert not journal_of(bag).exists()
 
 
 @HOW
@@ -87,8 +88,12 @@ def test_the_last_frame_holds_the_struts_where_the_board_is(interrupted, how):
     session = read_session(interrupted[how][0])
     writes = [message for message in session.of("bridge/struts_sent") if not message.heartbeat]
     last, before, earlier = writes[-1], writes[-2], writes[-3]
-    for held, sent, was in zip(last.pulse_us, before.pulse_us, earlier.pulse_us, strict=True):
-        assert min(sent, was) - 1 <= held <= max(sent, was) + 1
+    # a board that was told two frames in one turn has not come to the first one yet
+    in_turn = before.robot_time_ns - earlier.robot_time_ns >= 45_000_000
+    lately = writes[-3:-1] if in_turn else writes[-4:-1]
+    for held, *sent_lately in zip(last.pulse_us, *(write.pulse_us for write in lately), strict=True):
+        sent = sent_lately[-1]
+        assert min(sent_lately) - 1 <= held <= max(sent_lately) + 1
         assert abs(held - sent) <= 12, "a frame at the speed limit, and a pulse"
     assert last.duration_ms == before.duration_ms == 55
     # 10 mm off neutral had been sent; the board, where it is held, is up to one frame at the speed limit behind

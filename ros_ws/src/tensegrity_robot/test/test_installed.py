@@ -13,4 +13,4 @@ MODULES = [module.name for module in pkgutil.walk_packages(tensegrity_robot.__pa
 
 @pytest.mark.parametrize("name", [name for name in MODULES if not name.endswith("__main__")])
 def test_a_module_loads(name):
-    import_module(name)
+    assert import_module(name).__name__ == name

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 
 from rclpy.node import Node
 
-from hardware_bridge.recording.bag_reader import Bag, BagError, Recorded, Session, read_bag
+from hardware_bridge.errors import BagError
+from hardware_bridge.recording.bag_reader import Bag, Recorded, Session, read_bag
 from sim_core.files.places import temporary_parent
 from sim_core.printable import printable
 from sim_core.twin.follower import MOST_TIME_SCALE

@@ -5,7 +5,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hardware_bridge.recording.bag_reader import BagError, Session, bags_in, is_bag_folder, read_session, seconds_of, whole_bag
+from hardware_bridge.errors import BagError
+from hardware_bridge.recording.bag_on_disk import bags_in, is_bag_folder, whole_bag
+from hardware_bridge.recording.bag_reader import Session, read_session, seconds_of
 from hardware_bridge.recording.bag_types import TOPICS
 from hardware_bridge.recording.session_bag import bag_folder
 from tensegrity_lab.bags.replay import model_of

@@ -3,7 +3,8 @@
 
 from typing import NamedTuple
 
-from hardware_bridge.recording.bag_reader import BagError, Session, seconds_of
+from hardware_bridge.errors import BagError
+from hardware_bridge.recording.bag_reader import Session, seconds_of
 
 
 class Attempt(NamedTuple):

@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from hardware_bridge.recording.bag_reader import Bag, Session, bags_in, file_of, is_bag_folder, seconds_of, whole_bag
+from hardware_bridge.recording.bag_on_disk import bags_in, file_of, is_bag_folder, whole_bag
+from hardware_bridge.recording.bag_reader import Bag, Session, seconds_of
 from sim_core.dynamics.actuators import ActuatorParameters, following
 from sim_core.dynamics.model import Model, build_model
 from sim_core.errors import SimError

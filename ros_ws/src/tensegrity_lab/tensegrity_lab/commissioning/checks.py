@@ -17,7 +17,8 @@ from hardware_bridge.calibration.calibration_file import Unfinished, load_calibr
 from hardware_bridge.errors import BridgeError
 from hardware_bridge.prototype_client import handshake as virtual_port
 from hardware_bridge.prototype_client.handshake import default_link
-from hardware_bridge.recording.session_bag import bag_folder, journals_in
+from hardware_bridge.recording.bag_on_disk import journals_in
+from hardware_bridge.recording.session_bag import bag_folder
 from hardware_bridge.saved_state.state_file import state_directory
 from sim_core.files.places import folder_problem, home_problem, temporary_parent
 from tensegrity_lab.stack.simulation_lag import busy_text

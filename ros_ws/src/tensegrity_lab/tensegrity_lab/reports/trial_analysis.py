@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hardware_bridge.recording.bag_reader import is_bag_folder, whole_bag
+from hardware_bridge.recording.bag_on_disk import is_bag, whole_bag
 from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of
 from sim_core.studies.model_agreement import Agreement, compare
 from tensegrity_lab.errors import SessionError
@@ -59,7 +59,7 @@ class Told:
 
 def read_told(path: Path) -> Told:
     """Read a session or a bag. Raises SessionError: it is none, or its ledger contradicts itself."""
-    if path.suffix == ".mcap" or is_bag_folder(path):
+    if is_bag(path):
         folder, lines = None, lines_in_bag(path)
         if not lines:
             raise SessionError(f"{path} holds no trials: no session ran while it was recorded; `odds`, `replay` and `play` take it")

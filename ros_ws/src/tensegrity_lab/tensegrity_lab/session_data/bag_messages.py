@@ -5,7 +5,8 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
-from hardware_bridge.recording.bag_reader import BagError, read_session
+from hardware_bridge.errors import BagError
+from hardware_bridge.recording.bag_reader import read_session
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_ns, utc_text
 

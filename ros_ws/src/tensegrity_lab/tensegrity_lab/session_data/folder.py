@@ -11,7 +11,7 @@ from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 from typing import Any, TextIO, get_type_hints
 
-from hardware_bridge.recording.bag_reader import is_bag_folder
+from hardware_bridge.recording.bag_on_disk import is_bag
 from hardware_bridge.recording.session_bag import bag_folder
 from sim_core.errors import FileError, brief
 from sim_core.files.bounded_reader import read_text
@@ -136,7 +136,7 @@ def open_session(path: Path) -> SessionFolder:
         plan_table = read_text(path / PLAN)
     except (OSError, FileError) as error:
         why = f"{Path(error.filename).name}: {error.strerror}" if isinstance(error, OSError) else str(error)
-        if is_bag_folder(path) or path.suffix == ".mcap":
+        if is_bag(path):
             why = "it is a bag: `report`, `odds`, `fit`, `replay` and `play` take it"
         raise SessionError(
             f"{path} is not a session of trials ({why}); valid is a folder that `sixstrut trial` made, with {SETTINGS} in it"

@@ -28,7 +28,7 @@ from tensegrity_lab.terminal.leaving import uninterrupted
 
 FREE_BYTES = 200_000_000
 """Room on the disk without which no robot is started: with less the bridge refuses motions."""
-_RECORDING = re.compile(r", recording (.+\.mcap); ")
+_RECORDING = re.compile(r", recording (.+); ")
 """As `hardware_bridge_node` says it."""
 START_LIMIT_S = 180.0
 """The first time on a machine its kernels are compiled."""

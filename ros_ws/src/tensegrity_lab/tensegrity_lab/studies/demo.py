@@ -11,6 +11,7 @@ from typing import Any
 
 from rich.console import Console
 
+from hardware_bridge.recording.bag_on_disk import file_of
 from hardware_bridge.recording.bag_reader import read_session
 from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.structure.parameters import load_prototype
@@ -170,7 +171,7 @@ class Demo:
         show("stopped by you: struts held, bag closed" if stopped else kind)
         off = f"off by ±{100 * robot.perturbation:g} % (docs/model.md, Perturbed prototypes), seed {robot.seed}"
         show(f"virtual prototype: {off}")
-        if bag is None or not bag.exists():
+        if bag is None or not file_of(bag).is_file():
             show("no bag was recorded" if bag is None else f"the bag {bag} is missing")
             return
         show(f"bag: {bag.resolve()}")

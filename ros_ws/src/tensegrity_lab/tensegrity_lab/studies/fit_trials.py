@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from hardware_bridge.recording.bag_reader import is_bag_folder, read_session, whole_bag
+from hardware_bridge.recording.bag_on_disk import is_bag, whole_bag
+from hardware_bridge.recording.bag_reader import read_session
 from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.dynamics.model import Model, build_model
 from sim_core.gaits.library import Gait, Library, load_library
@@ -75,10 +76,7 @@ def read_tries(paths: Sequence[Path], model: Model, library: str | None = None) 
     doubles = [path for path, count in Counter(whole_bag(path.resolve()) for path in paths).items() if count > 1]
     if doubles:
         raise SessionError(f"{doubles[0]} is given twice: its trials would count twice")
-    parts = [
-        _bag(path, model, library) if path.suffix == ".mcap" or path.is_file() or is_bag_folder(path) else _session(path)
-        for path in paths
-    ]
+    parts = [_bag(path, model, library) if is_bag(path) or path.is_file() else _session(path) for path in paths]
     for what, values in (
         ("robots", {part.robot for part in parts}),
         ("libraries", {part.library.hash for part in parts}),

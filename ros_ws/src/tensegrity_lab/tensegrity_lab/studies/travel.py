@@ -14,6 +14,7 @@ from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from tensegrity_lab.bags.replay import observed_path
+from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
 from tensegrity_lab.stack.virtual_stack import VirtualRobot, recorded_bag, running
@@ -103,7 +104,10 @@ def travel(
         closing(ObserverClient(handshake.observer, late.saw)),
     ):
         result = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
-    bag = str(recorded_bag(stack))
+    recorded = recorded_bag(stack)
+    if recorded is None:
+        raise StackError(f"the bridge recorded nothing; its log is in {robot.bags / 'logs'}")
+    bag = str(recorded)
     known = goal_m, robot.library, use_odds, robot.seed, robot.incline_deg, robot.perturbation
     end = bool(result.success), str(result.reason), int(result.rolls), int(result.missed)
     ways = float(result.left_m), float(result.path_m), float(result.straight_m), float(result.duration_s)

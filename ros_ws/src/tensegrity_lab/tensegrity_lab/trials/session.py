@@ -108,7 +108,7 @@ class Session:
 
     def _not_in_bags(self) -> list[Line]:
         """Lines that are in no bag yet: the session was killed in between."""
-        from hardware_bridge.recording.bag_reader import bags_in
+        from hardware_bridge.recording.bag_on_disk import bags_in
         from hardware_bridge.recording.session_bag import mend_journals
 
         for told in mend_journals(self._folder.bags.resolve()):

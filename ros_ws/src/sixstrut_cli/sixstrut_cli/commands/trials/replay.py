@@ -137,7 +137,8 @@ def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
 def _whole(
     bag: Path, changes: dict[str, float], actuators: str, compare: bool, picture: Path | None, animation: Path | None, as_json: bool
 ) -> bool:
-    from hardware_bridge.recording.bag_reader import read_session, whole_bag
+    from hardware_bridge.recording.bag_on_disk import whole_bag
+    from hardware_bridge.recording.bag_reader import read_session
     from hardware_bridge.recording.bag_types import TOPICS
     from sim_core.dynamics.actuators import require_actuators
     from sim_core.files.places import folder_problem

@@ -52,14 +52,14 @@ def command(
     sixstrut report bags/monday bags/tuesday --against bags/previous -o report
     """
     announce("reading the sessions and drawing, some seconds; the page is written at the end")
-    from hardware_bridge.recording.bag_reader import is_bag_folder, whole_bag
+    from hardware_bridge.recording.bag_on_disk import is_bag, whole_bag
     from tensegrity_lab.reports.trial_report import TrialReport, summary_of
     from tensegrity_lab.session_data.folder import newest_session
 
     sessions = options.given_or(newest_session, sessions)
     words = ["./sixstrut", "report", *map(str, sessions), *(word for path in against or [] for word in ("--against", str(path)))]
     bag = whole_bag(sessions[0].resolve())
-    beside = bag.with_name(f"{bag.stem}_report") if bag.suffix == ".mcap" or is_bag_folder(bag) else sessions[0] / "report"
+    beside = bag.with_name(f"{bag.stem}_report") if is_bag(bag) else sessions[0] / "report"
     folder = output_folder("report", output or beside)
     report = TrialReport(sessions, against or [], shlex.join(words))
     typer.echo(summary_of(report))
