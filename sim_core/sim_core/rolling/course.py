@@ -64,7 +64,8 @@ class CourseResult:
         peak_force_n, clearance_m, travel_m: as of a roll.
         duration_s: simulated time.
         driven_s: how long each strut was driven, (6,).
-        pace_m_s: straight way of the centre of mass between the first and the last landing / time between; 0 with less than two.
+        between_s: from the first landing to the last.
+        pace_m_s: straight way of the centre of mass in that time / time; 0 with less than two landings.
     """
 
     target: str
@@ -79,6 +80,7 @@ class CourseResult:
     duration_s: float
     driven_s: tuple[float, ...]
     travel_m: tuple[float, float]
+    between_s: float
     pace_m_s: float
 
 
@@ -145,6 +147,7 @@ def course_result_of(
         float(record[w.SAMPLES]) * SAMPLE_S,
         tuple(float(samples) * SAMPLE_S for samples in record[w.DRIVEN : w.DRIVEN + 6]),
         (float(travel[0]), float(travel[1])),
+        max(0.0, between_s),
         float(np.hypot(*(last[1:] - first[1:]))) / between_s if between_s > 0.0 else 0.0,
     )
 

@@ -99,11 +99,12 @@ class Trials(NamedTuple):
     Attributes:
         margin_m: NaN of a course.
         past_edge_m: over the edge that the centre of mass got past the farthest; NaN of a course.
-        toward: the wanted face; of a job that wanted none, the adjacent face that it landed on, else the one behind that edge.
+        toward: the wanted face; of a job that wanted none, the adjacent face that it landed on, else the one behind that edge; of a
+            course the face at rest at its end.
         landed: it stood on that face after actuation.
         reached: faces of the course; of a roll 1 if it landed.
-        pace_m_s: of a course.
-        driven_s: mean of its struts; of a roll 0.
+        pace_m_s, between_s: of a course.
+        driven_s: of the strut that is driven the most; of a roll 0.
     """
 
     feasible: NDArray[np.bool_]
@@ -114,6 +115,7 @@ class Trials(NamedTuple):
     past_edge_m: NDArray[np.float32]
     reached: NDArray[np.float32]
     pace_m_s: NDArray[np.float32]
+    between_s: NDArray[np.float32]
     driven_s: NDArray[np.float32]
     toward: tuple[str, ...]
     landed: tuple[bool, ...]
@@ -174,7 +176,8 @@ def trials_of(results: Sequence[RollResult | CourseResult], cost: Cost) -> Trial
         np.array([_past_edge_m(result) for result in results], dtype=np.float32),
         np.array([getattr(result, "reached", won) for result, won in zip(results, landed, strict=True)], dtype=np.float32),
         column("pace_m_s", 0.0),
-        np.array([np.mean(getattr(result, "driven_s", 0.0)) for result in results], dtype=np.float32),
+        column("between_s", 0.0),
+        np.array([np.max(getattr(result, "driven_s", 0.0)) for result in results], dtype=np.float32),
         tuple(_toward(result) for result in results),
         landed,
         tuple(result.reason for result in results),
@@ -194,7 +197,7 @@ def _past_edge_m(result: RollResult | CourseResult) -> float:
 
 def _toward(result: RollResult | CourseResult) -> str:
     if isinstance(result, CourseResult):
-        return result.target
+        return result.ended
     if result.target in result.past_edge_m:
         return result.target
     return max(result.past_edge_m, key=lambda face: result.past_edge_m[face])
