@@ -9,9 +9,11 @@ import numpy as np
 
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.footing import center_of_mass
-from sim_core.dynamics.model import build_model
+from sim_core.dynamics.model import Model, build_model
 from sim_core.dynamics.robot import SETTLE_S, SETTLE_ZETA_1_S, Robot
 from sim_core.rolling import roll_monitor as w
+from sim_core.rolling.batch import Job
+from sim_core.rolling.course import Course, CourseResult, course_result_of, table_of
 from sim_core.rolling.roll import RollResult, drive_of, face_number, result_of, rules_of, stages_of
 from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure import mujoco_model
@@ -25,11 +27,12 @@ from tests.benchmarks.solver.engines import Crowd, Moment, Task
 class MuJoCo:
     """MuJoCo, on the robot of `mujoco_model`."""
 
-    def __init__(self, prototype: Prototype, step_s: float, integrator: str = "implicitfast"):
+    def __init__(self, robot: Prototype | Model, step_s: float, integrator: str = "implicitfast"):
+        """Args: robot: the nominal one of a prototype, or any."""
         self._mujoco = importlib.import_module("mujoco")
         self._rollout = importlib.import_module("mujoco.rollout")
         self.name, self.step_s = "MuJoCo", step_s
-        self.ours = build_model(prototype)
+        self.ours = robot if isinstance(robot, Model) else build_model(robot)
         self.plain, self.watched = (
             mujoco_model.compiled(self.ours.elements, step_s, integrator, sensors) for sensors in (False, True)
         )
@@ -42,7 +45,7 @@ class MuJoCo:
 
     def rolls(self, tasks: Sequence[Task], threads: int) -> list[RollResult]:
         """As `SixStrut.rolls`, judged by the very same compiled code; strut forces are not watched."""
-        return _JudgedRolls(self, tasks, threads).run()
+        return judged([self], [Job(0, task.source, task.policy) for task in tasks], threads)
 
     def crowd(self, moments: Sequence[Moment], count: int, span_s: float, threads: int) -> Crowd:
         """See `Engine`."""
@@ -155,50 +158,56 @@ class _ManyOfTheirs:
         self._pool.rollout(self._model, self._datas, self._states, self._controls, state=self._out)
 
 
-class _JudgedRolls:
+def judged(robots: Sequence[MuJoCo], jobs: Sequence[Job | Course], threads: int) -> list[Any]:
+    """As `Batch.run`, judged by the very same compiled code: a `RollResult` or `CourseResult` a job; strut forces are not watched."""
+    return _Judged(robots, jobs, threads).run()
+
+
+class _Judged:
     """MuJoCo's robots, watched as ours are: their joints, box and ground forces go into rows like our kernel's, every SAMPLE_S."""
 
-    def __init__(self, engine: MuJoCo, tasks: Sequence[Task], threads: int):
-        self._engine, self._tasks = engine, tasks
-        ours = engine.ours
-        self._rules, self._lay = rules_of(ours), ours.layout
-        count, particles = len(tasks), ours.assembly.particles
-        self._rows, self._work = np.zeros((count, self._lay.state_rows)), np.zeros((count, particles * k.WORK_ROWS))
-        self._records = np.zeros((count, w.RECORD))
-        self._states = np.array([engine.resting(task.source) for task in tasks])
-        self._pool, self._datas = engine.rollout(threads), engine.datas(engine.watched, threads)
-        self._model = engine.watched
+    def __init__(self, robots: Sequence[MuJoCo], jobs: Sequence[Job | Course], threads: int):
+        self._jobs, first = jobs, robots[0]
+        self._robots = [robots[job.model] for job in jobs]
+        self._lay, particles = first.ours.layout, first.ours.assembly.particles
+        self._rows, self._work = np.zeros((len(jobs), self._lay.state_rows)), np.zeros((len(jobs), particles * k.WORK_ROWS))
+        self._records = np.zeros((len(jobs), w.RECORD))
+        self._states = np.array([robot.resting(job.source) for robot, job in zip(self._robots, jobs, strict=True)])
+        elements = [robot.ours.elements for robot in self._robots]
+        self._reach = np.array([e.strut_gain * e.strut_speed_m_s * SAMPLE_S for e in elements])
+        self._steps = first.steps_in(SAMPLE_S)
+        self._pool, self._datas = first.rollout(threads), first.datas(first.watched, threads)
 
     @property
     def _struts(self) -> Array:
         return self._rows[:, self._lay.struts : self._lay.contacts].reshape(len(self._rows), 6, k.STRUT_ROWS)
 
-    def run(self) -> list[RollResult]:
-        ours, struts = self._engine.ours, self._struts
-        struts[:, :, k.REST] = struts[:, :, k.TARGET] = ours.rest_lengths(neutral_lengths(ours.prototype))
-        courses, drive = [stages_of(ours, task.policy, None) for task in self._tasks], drive_of(ours)
-        everyone = np.arange(len(self._tasks))
-        self._step(everyone)  # sensors show what was before a step: this one shows the start
-        for i, task in enumerate(self._tasks):
-            rows = self._rows[i], self._work[i], self._records[i], self._rules, drive, self._lay.struts
-            w.begin(*rows, face_number(task.source), courses[i])
-        rolling = everyone
+    def run(self) -> list[RollResult | CourseResult]:
+        struts, watch = self._struts, []
+        for i, (robot, job) in enumerate(zip(self._robots, self._jobs, strict=True)):
+            ours = robot.ours
+            struts[i, :, k.REST] = struts[i, :, k.TARGET] = ours.rest_lengths(neutral_lengths(ours.prototype))
+            stages = table_of(ours, job.stages) if isinstance(job, Course) else stages_of(ours, job.policy, job.target)
+            watch.append((self._rows[i], self._work[i], self._records[i], rules_of(ours), drive_of(ours), self._lay.struts, stages))
+        rolling = np.arange(len(self._jobs))
+        self._step(rolling)  # sensors show what was before a step: this one shows the start
+        for job, (*rows, stages) in zip(self._jobs, watch, strict=True):
+            w.begin(*rows, face_number(job.source), stages)
         while len(rolling):
             self._step(rolling)
             for i in rolling.tolist():
-                w.look(self._rows[i], self._work[i], self._records[i], self._rules, drive, self._lay.struts, courses[i])
+                w.look(*watch[i])
             rolling = rolling[self._records[rolling, w.PHASE] == w.GOING]
-        return [self._result(i) for i in range(len(everyone))]
+        return [self._result(i) for i in range(len(self._jobs))]
 
     def _step(self, who: Any) -> None:
         """One SAMPLE_S of the given robots."""
-        e, struts = self._engine.ours.elements, self._struts
+        struts, most = self._struts, self._reach[who]
         rest, target = struts[who, :, k.REST], struts[who, :, k.TARGET]
-        most = e.strut_gain * e.strut_speed_m_s * SAMPLE_S
         gap = np.clip(target - rest, -most, most)
-        steps = self._engine.steps_in(SAMPLE_S)
-        control = np.repeat((gap / SAMPLE_S)[:, None, :], steps, axis=1)
-        states, sensors = self._pool.rollout(self._model, self._datas, self._states[who], control, nstep=steps)
+        control = np.repeat((gap / SAMPLE_S)[:, None, :], self._steps, axis=1)
+        models = [self._robots[i].watched for i in who.tolist()]
+        states, sensors = self._pool.rollout(models, self._datas, self._states[who], control, nstep=self._steps)
         self._states[who] = states[:, -1]
         struts[who, :, k.REST] = np.where(np.abs(target - rest) <= most, target, rest + gap)
         joints, box, velocities, forces = mujoco_model.read_sensors(sensors[:, -1])
@@ -207,8 +216,10 @@ class _JudgedRolls:
         rows[who, :JOINTS, k.V : k.V + 3] = velocities
         self._work.reshape(len(self._work), -1, k.WORK_ROWS)[who, :JOINTS, k.NORMAL] = forces
 
-    def _result(self, i: int) -> RollResult:
-        ours, task = self._engine.ours, self._tasks[i]
+    def _result(self, i: int) -> RollResult | CourseResult:
+        ours, job, record = self._robots[i].ours, self._jobs[i], self._records[i]
         center = np.empty(3)
         center_of_mass(self._rows[i], ours.elements.mass_kg, center)
-        return result_of(ours, task.source, None, task.policy, self._records[i], np.zeros(6), center)
+        if isinstance(job, Course):
+            return course_result_of(ours, job.stages, record, np.zeros(6), center)
+        return result_of(ours, job.source, job.target, job.policy, record, np.zeros(6), center)

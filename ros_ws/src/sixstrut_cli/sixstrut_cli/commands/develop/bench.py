@@ -20,7 +20,7 @@ def command(
         bool, typer.Option("--stack", help="What the stack itself costs instead: twin, latency, recorder, processes, start.")
     ] = False,
     library: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Only roll this library's gaits in MuJoCo, and count.")
+        str | None, typer.Option(metavar="NAME", help="Only roll this library's gaits and cycles in MuJoCo, and count.")
     ] = None,
     quick: Annotated[bool, typer.Option("--quick", help="A minute or two, rougher figures; not for --page.")] = False,
     threads: Annotated[
@@ -48,7 +48,7 @@ def command(
     path = results_page(name) if page else output_folder("bench", output) / name
     announce("measuring, about five minutes; --quick one or two; Ctrl-C leaves at any time, then nothing is written")
     if library is not None:
-        _in_mujoco(library, threads, as_json, prototype)
+        _in_mujoco(library, 4 if quick else 20, threads, as_json, prototype)
     elif stack:
         if threads is not None or prototype is not None:
             raise typer.BadParameter("--threads and --prototype are of the solver's benchmark: leave them out with --stack")
@@ -100,18 +100,22 @@ def _tell(report: Any, result: Any, path: Path, as_json: bool) -> None:
     wrote(path, report.draw(result, picture), err=True)
 
 
-def _in_mujoco(name: str, threads: int | None, as_json: bool, prototype: Path | None) -> None:
+def _in_mujoco(name: str, robots: int, threads: int | None, as_json: bool, prototype: Path | None) -> None:
     from sim_core.gaits.library import load_library
     from sim_core.structure.parameters import load_prototype
-    from tests.benchmarks.solver.library_in_mujoco import text_of, tried_in_mujoco
+    from tests.benchmarks.solver import cycles_in_mujoco, library_in_mujoco
 
-    shelf = load_library(name)
-    _say(f"rolling {24 * len(shelf.primitives)} gaits in MuJoCo, a minute or so")
-    tried = tried_in_mujoco(load_prototype(prototype), shelf, threads or min(2, os.cpu_count() or 1))
+    shelf, robot, cores = load_library(name), load_prototype(prototype), threads or min(2, os.cpu_count() or 1)
+    _say(f"rolling {24 * len(shelf.primitives)} gaits in MuJoCo, a minute or so; each cycle some minutes")
+    tried = library_in_mujoco.tried_in_mujoco(robot, shelf, cores)
+    compared = cycles_in_mujoco.compared_with_mujoco(robot, shelf, robots, cores) if shelf.cycles else []
     if as_json:
         works, pairs = tried.possible
         rates = {p.name: rate.value for p, rate in zip(shelf.primitives, tried.rates, strict=True)}
         document = {"library": shelf.name, "hash": shelf.hash, "rates": rates, "all": float(tried.wins.mean())}
-        typer.echo(json.dumps(document | {"rolls_with_a_gait": works, "rolls": pairs}))
-    else:
-        typer.echo(text_of(tried))
+        document |= {"rolls_with_a_gait": works, "rolls": pairs, "cycles": cycles_in_mujoco.cycles_document(compared)}
+        typer.echo(json.dumps(document))
+        return
+    typer.echo(library_in_mujoco.text_of(tried))
+    if compared:
+        typer.echo("\n" + cycles_in_mujoco.cycles_text(shelf, compared))
