@@ -159,7 +159,7 @@ class _ManyOfTheirs:
 
 
 def judged(robots: Sequence[MuJoCo], jobs: Sequence[Job | Course], threads: int) -> list[Any]:
-    """As `Batch.run`, judged by the very same compiled code: a `RollResult` or `CourseResult` a job; strut forces are not watched."""
+    """As `Batch.run`, judged by the very same compiled code; strut forces are not watched."""
     return _Judged(robots, jobs, threads).run()
 
 
