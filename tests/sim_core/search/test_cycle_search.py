@@ -24,14 +24,16 @@ def test_a_search_that_was_stopped_goes_on_as_if_it_had_not_been(prototype):
     again = CycleSearch(prototype, SMALL, state=state)
     again.step()
     assert again.state == whole.state
-    assert whole.done and whole.progress.finished == 1.0
+    assert whole.done
+    assert whole.progress.finished == 1.0
     library = whole.library()
     assert library.hash == again.library().hash
     assert library.primitives == load_library("robust").primitives
     (cycle,) = library.cycles
     assert set(cycle.turns) == set(TURNS)
     assert all(0 <= s.onto_next <= s.rolls <= 2 * 2 * 12 and 0 <= s.stayed <= s.leaves <= 4 for s in cycle.turns.values())
-    assert cycle.margins["chains"] > 0.5 and whole.elites[0].merit > TRAINED
+    assert cycle.margins["chains"] > 0.5
+    assert whole.elites[0].merit > TRAINED
     assert parse_library(parse_yaml(library_text(library), "again"), "again").cycles == library.cycles
     assert {seed for pair in SMALL.seeds.values() for seed in pair} <= training_seeds(library)
 

@@ -43,7 +43,7 @@ def test_the_way_in_ten_minutes_is_the_long_chains_for_the_time_that_a_strut_may
 
 
 def test_it_never_goes_farther_in_ten_minutes_than_its_speed_permits():
-    found = c._chains(c._Way("C1", TURNS[0], "ideal"), trials([36], [True], [100], [1.0], [0.02]), 0)
+    found = c._chains(c._Way("C1", TURNS[0], "ideal"), trials([12, 36], [True, True], [40, 100], [30, 1], [0.02, 0.02]), 1)
     assert found.m_per_10min == pytest.approx(12.0)
 
 
