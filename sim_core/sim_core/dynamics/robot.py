@@ -27,6 +27,8 @@ from sim_core.structure.topology import JOINTS, NODES, POINTS_PER_JOINT
 
 SETTLE_S = 3.0
 SETTLE_ZETA_1_S = 40.0
+QUICK = 5.0
+"""Struts' speed over their own where a shape is only settled, not moved through."""
 """Near-critical mass damping, for settling on a face only."""
 
 
@@ -69,6 +71,23 @@ class Robot:
         k.advance(robot._state, m.par, robot._work, m.assembly, m.dt_s, SETTLE_ZETA_1_S, m.reach_m, steps)
         robot.take_settled(*robot.rows(), center_m)
         return robot
+
+    @classmethod
+    def standing_on(cls, model: Model, face: str, raw_lengths_m: Array, center_m: tuple[float, float]) -> Robot:
+        """A robot settled on a face at these rest lengths (6,), as `targets_m` gives them; at neutral ones if it tips over by them.
+
+        Raises:
+            UnknownFaceError, DivergedError.
+        """
+        neutral = cls.resting_on(model, face, center_m)
+        robot, m = neutral.copy(), model
+        par, lay = m.par.copy(), m.layout
+        par[lay.par_struts : lay.par_struts + 6 * k.STRUT_PAR] *= QUICK
+        robot.set_raw_targets(raw_lengths_m)
+        steps = round(SETTLE_S * m.steps_per_second)
+        k.advance(robot._state, par, robot._work, m.assembly, m.dt_s, SETTLE_ZETA_1_S, m.reach_m, steps)
+        robot.take_settled(*robot.rows(), center_m)
+        return robot if robot.footing().face == face else neutral
 
     @classmethod
     def placed_on(cls, model: Model, face: str, yaw_rad: float = 0.0) -> Robot:

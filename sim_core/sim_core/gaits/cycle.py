@@ -226,3 +226,10 @@ def cycles_text(cycles: Sequence[Cycle]) -> str:
             lines.append(f"    {turn}: {{{counts}}}")
         lines.append(f"  margins: {{{', '.join(f'{key}: {value:g}' for key, value in cycle.margins.items())}}}")
     return "\n".join(lines)
+
+
+def cycle_line(cycle: Cycle) -> str:
+    """A cycle in one line, for people."""
+    stages = " then ".join(f"{' '.join(f'{v:+d}' for v in stage.policy)} mm" for stage in cycle.stages)
+    turns = "; ".join(f"{turn} {s.onto_next} of {s.rolls} rolls" for turn, s in cycle.turns.items())
+    return f"{cycle.name} {stages}: {', '.join(f'{key} {value:g}' for key, value in cycle.margins.items())}; straight on by {turns}"

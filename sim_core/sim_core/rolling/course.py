@@ -167,3 +167,9 @@ def stages_of_chain(rolls: Sequence[ChainRoll], latency_s: float = LATENCY_S, ob
         for roll in rolls
     ]
     return (*stages, Stage(NEUTRAL, rolls[-1].onto))
+
+
+def stages_of_rolls(policies: Sequence[Policy], onto: Sequence[str]) -> tuple[Stage, ...]:
+    """The stages of rolls one after the other as `roll` makes each: at rest after actuation, and at rest in neutral."""
+    pairs = zip(policies, onto, strict=True)
+    return tuple(stage for policy, face in pairs for stage in (Stage(policy, face), Stage(NEUTRAL, face)))

@@ -19,7 +19,7 @@ from sim_core.dynamics.model import build_model
 from sim_core.errors import ParameterError
 from sim_core.gaits.cycle import NEXT_TC, TURNS, Cycle, CycleStage, Switches, chain_of, faces_of
 from sim_core.gaits.library import Library, load_library
-from sim_core.rolling.course import Course, stages_of_chain
+from sim_core.rolling.course import LATENCY_S, Course, stages_of_chain
 from sim_core.search.genetic_search import CHUNK_JOBS, Progress
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
@@ -69,11 +69,11 @@ class CyclePlan:
     start: str = "robust"
     seed: int = 1
     offspring: int = 64
-    generations: int = 36
+    generations: int = 20
     keep: int = 4
     elites: int = 24
-    apart_mm: int = 3
-    scale: float = 0.12
+    apart_mm: int = 6
+    scale: float = 0.15
     robots: int = 8
     choice: int = 24
 
@@ -129,8 +129,8 @@ class CycleSearch:
         self.generation, self.rolled, self.trained = 0, 0, 0
         self._start, self._actuators = load_library(plan.start), load_actuators()
         self._elites: list[Tried] = []
-        model_hash = build_model(prototype).hash
-        self._identity = {"plan": plan.as_dict(), "model_hash": model_hash, "start_hash": self._start.hash}
+        self._model_hash = build_model(prototype).hash
+        self._identity = {"plan": plan.as_dict(), "model_hash": self._model_hash, "start_hash": self._start.hash}
         if state is not None:
             if {key: state.get(key) for key in self._identity} != json.loads(json.dumps(self._identity)):
                 raise ParameterError("the search to resume had another plan or model: start a new one, or give the same options")
@@ -153,7 +153,7 @@ class CycleSearch:
 
     @property
     def progress(self) -> Progress:
-        """How far the search is; a class is a turn."""
+        """How far the search is."""
         found = min(self.plan.keep, sum(t.merit >= TRAINED for t in self._elites))
         best = self._elites[0].merit if self._elites else 0.0
         share = self.generation / self.plan.generations
@@ -180,9 +180,7 @@ class CycleSearch:
             if _merit(np.concatenate([chains, best], axis=1), one.margins) > self._needed
         ]
         more = self._trained([one for one, _ in chosen], "training", rest)
-        whole = {
-            one.genes: np.concatenate([chains, others], axis=1) for (one, chains), others in zip(chosen, more, strict=True)
-        }
+        whole = {one.genes: np.concatenate([chains, others], axis=1) for (one, chains), others in zip(chosen, more, strict=True)}
         found = []
         for one in tried:
             if one.genes in whole:
@@ -207,7 +205,7 @@ class CycleSearch:
             "training_courses": self.trained,
             "start": dict(self._start.provenance),
         }
-        return Library(self.plan.name, self._identity["model_hash"], provenance, self._start.primitives, cycles)
+        return Library(self.plan.name, self._model_hash, provenance, self._start.primitives, cycles)
 
     @property
     def _needed(self) -> float:
@@ -288,9 +286,10 @@ class CycleSearch:
             for turns in STRAIGHT:
                 trials = self._rolled([(one.genes.cycle, turns, robot) for robot in robots], actuators)
                 wanted, ends = 2 * (len(turns) + 1), faces_of(REFERENCE_TC, REFERENCE_TO, turns)[-1]
-                left = trials.reached == wanted
+                reached = trials.reached.astype(int)
+                left = reached == wanted
                 stayed = left & (np.array(trials.toward) == ends)
-                counts[turns[0]] += (np.minimum(trials.reached + 1, wanted).sum(), trials.reached.sum(), left.sum(), stayed.sum())
+                counts[turns[0]] += (np.minimum(reached + 1, wanted).sum(), reached.sum(), left.sum(), stayed.sum())
             # from the first landing to the last: the second stage alone; the second, the first, and the second again
             one_s, three_s = (
                 self._rolled([(one.genes.cycle, turns, robot) for robot in robots], actuators).between_s for turns in ((), (A,))
@@ -298,7 +297,12 @@ class CycleSearch:
             second_s.append(one_s)
             first_s.append(three_s - 2.0 * one_s)
         own_s = [float(np.quantile(np.concatenate(times), OWN_TIME)) for times in (first_s, second_s)]
-        one_stage, other = (replace(s, time_s=round(own, 2)) for s, own in zip(one.genes.cycle.stages, own_s, strict=True))
+        speed_mm_s = 1e3 * self.prototype.actuator_speed_m_s
+        one_stage, other = (
+            # the first roll of a chain comes from neutral
+            replace(stage, time_s=round(max(own, max(map(abs, stage.policy)) / speed_mm_s + LATENCY_S), 2))
+            for stage, own in zip(one.genes.cycle.stages, own_s, strict=True)
+        )
         turns_counted = {turn: Switches(*map(int, rows)) for turn, rows in counts.items()}
         return Cycle(name, (one_stage, other), turns_counted, one.margins)
 
@@ -317,7 +321,7 @@ def _merit(chains: Array, figures: Mapping[str, float]) -> float:
     """Of chains (courses, robots, 2): reliability first, then speed, then metres under duty."""
     sure, rolls = WEIGHTS @ chains.mean(axis=1)
     speed = 0.75 * figures["m_per_min"] + 0.25 * figures["m_per_min_other"]
-    return TRAINED + float(sure + 0.2 * rolls + 0.25 * speed + 0.03 * figures["m_per_10min"])
+    return TRAINED + float(sure + 0.2 * rolls + 0.25 * speed + 0.06 * figures["m_per_10min"])
 
 
 def _figured(one: Tried, chains: Array) -> Tried:

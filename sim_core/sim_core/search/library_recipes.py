@@ -1,11 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """The plans of the shipped libraries: `./sixstrut search NAME` makes each of them again."""
 
+from collections.abc import Mapping
 from dataclasses import replace
+from typing import Any
 
-from sim_core.search.genetic_search import SearchPlan
+from sim_core.search.cycle_search import CyclePlan, CycleSearch
+from sim_core.search.genetic_search import Search, SearchPlan
 from sim_core.search.training_robots import FittedTraining, Training
 from sim_core.structure.elements import PREVIOUS
+from sim_core.structure.parameters import Prototype
+from sim_core.studies.local_runner import Runner
 from sim_core.uncertainty.ensemble import Posterior
 from sim_core.uncertainty.perturbation_law import Law
 
@@ -14,7 +19,7 @@ LEVEL = Law(0.2)
 INCLINED = Law(0.05, incline_deg=5.0)
 """Ground slope is what stops plain primitives: uphill they do not tip."""
 
-PLANS = {
+PLANS: dict[str, SearchPlan | CyclePlan] = {
     plan.name: plan
     for plan in (
         SearchPlan("improved"),
@@ -28,8 +33,17 @@ PLANS = {
             training=(Training(LEVEL, 24, 11_001), Training(INCLINED, 12, 11_002)),
             choice=(Training(LEVEL, 96, 12_001), Training(INCLINED, 48, 12_002)),
         ),
+        CyclePlan("continuous"),
     )
 }
+
+
+def search_of(
+    prototype: Prototype, plan: SearchPlan | CyclePlan, runner: Runner, state: Mapping[str, Any] | None
+) -> Search | CycleSearch:
+    """The search for a plan, from the beginning or from a state. Raises ParameterError: the state is another search's."""
+    return CycleSearch(prototype, plan, runner, state) if isinstance(plan, CyclePlan) else Search(prototype, plan, runner, state)
+
 
 FITTED_ROBOTS, FITTED_SEED = 32, 13_001
 FITTED_CHOICE, FITTED_CHOICE_SEED = 128, 14_001
@@ -40,4 +54,6 @@ def fitted_to(posterior: Posterior) -> SearchPlan:
     """The plan `robust`, trained on robots fitted to trials instead."""
     training = FittedTraining(posterior, FITTED_ROBOTS, FITTED_SEED)
     choice = FittedTraining(posterior, FITTED_CHOICE, FITTED_CHOICE_SEED)
-    return replace(PLANS["robust"], training=(training,), choice=(choice,))
+    plan = PLANS["robust"]
+    assert isinstance(plan, SearchPlan)
+    return replace(plan, training=(training,), choice=(choice,))

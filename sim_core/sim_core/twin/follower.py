@@ -40,6 +40,12 @@ class Observed:
 
 Event = Sent | Observed
 
+AT_REST, IN_MOTION = 1, 2
+"""Rules of how observations correct a twin, by number: at rest only, as all bags that name none were recorded; in motion too."""
+RULE = IN_MOTION
+"""Of new streams."""
+PATIENCE_NS = 500_000_000
+"""Robot time that a moving twin has to come by itself onto a face on which the robot was seen."""
 MOST_TIME_SCALE = 1000
 """Robot seconds per second: more than a twin can step, of a fast virtual prototype in a bag that is played fast."""
 CREDIT_S = 600.0
@@ -138,12 +144,14 @@ class Follower:
         first_seq, last_seq: first and last event applied; 0 before any.
         robot_time_ns: of the last event.
         resets: how often an observation contradicted the twin and put it on another face.
+        corrected_from: the face on which the twin stood when the last event put it on another one; None: that did not.
     """
 
-    def __init__(self, model: Model, face: str = "TC6", parameters: ActuatorParameters | None = None):
+    def __init__(self, model: Model, face: str = "TC6", parameters: ActuatorParameters | None = None, rule: int = RULE):
         """A twin resting on `face` until the first event. Raises UnknownFaceError.
 
         `parameters`: of its actuators, for a model of a `following` prototype; None: the solver's own, which feel no load.
+        `rule`: of corrections.
         """
         self.model = model
         self.robot = Robot.resting_on(model, face)
@@ -153,6 +161,8 @@ class Follower:
         self._origin = 0
         self._steps_before_reset = 0
         self._pending: Observed | None = None
+        self.corrected_from: str | None = None
+        self._rule = rule
         self._parameters = parameters
         self._commanded_m = self.robot.targets_m()
         self._actuators = self._resting_actuators()
@@ -199,7 +209,8 @@ class Follower:
             if self._actuators is None:
                 self.robot.set_raw_targets(self._commanded_m)
         else:
-            self._pending = event if event.settled and event.face is not None else None
+            heeds = event.settled or self._rule >= IN_MOTION
+            self._pending = event if heeds and event.face is not None else None
         self.last_seq = event.seq
         self._heed_observation()
 
@@ -230,19 +241,28 @@ class Follower:
         return actuators.at_rest(self._parameters, self.robot.rest_lengths_m(), self.robot.strut_forces_n())
 
     def _heed_observation(self) -> None:
-        """Once the twin is itself at rest, put it where it was observed, if it stands elsewhere."""
-        seen = self._pending
-        if seen is None or seen.face is None or not self.robot.is_slow():
+        """Put the twin where the robot was observed, if it stands elsewhere: once it is itself at rest; in motion, in time."""
+        self.corrected_from, seen = None, self._pending
+        if seen is None or seen.face is None:
+            return
+        if seen.settled and not self.robot.is_slow():
+            return
+        here = self.robot.footing().face
+        if not seen.settled and here != seen.face and self.robot_time_ns - seen.robot_time_ns < PATIENCE_NS:
             return
         self._pending = None
-        if self.robot.footing().face == seen.face:
+        if here == seen.face:
             return
-        targets = self.robot.targets_m()
-        at = self.robot.center_of_mass_m()
-        self._steps_before_reset = self.step
-        self.robot = Robot.resting_on(self.model, seen.face, (float(at[0]), float(at[1])))
-        self.robot.set_raw_targets(targets)
+        self.corrected_from = here or ""
         self.resets += 1
+        at, targets = self.robot.center_of_mass_m(), self.robot.targets_m()
+        center = float(at[0]), float(at[1])
+        self._steps_before_reset = self.step
+        if seen.settled:
+            self.robot = Robot.resting_on(self.model, seen.face, center)
+        else:
+            self.robot = Robot.standing_on(self.model, seen.face, self.robot.rest_lengths_m(), center)
+        self.robot.set_raw_targets(targets)
 
     def digest(self) -> str:
         """sha256 of the state, hex: equal for equal event streams."""

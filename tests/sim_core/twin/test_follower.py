@@ -8,7 +8,7 @@ from sim_core.dynamics.actuators import following, load_actuators
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.library import load_library
 from sim_core.structure.policy import lengths_of, neutral_lengths
-from sim_core.twin.follower import SLICE_S, Follower, Observed, Order, Pace, Sent
+from sim_core.twin.follower import AT_REST, IN_MOTION, SLICE_S, Follower, Observed, Order, Pace, Sent
 
 MS = 1_000_000
 S = 1000 * MS
@@ -24,8 +24,8 @@ def stream(model, policy, seconds=8.0, seen=()):
     return [Observed(seq, t, *what) if len(what) == 2 else Sent(seq, t, what) for seq, (t, what) in enumerate(timed, start=40)]
 
 
-def followed(model, events, face="TC6"):
-    follower = Follower(model, face)
+def followed(model, events, face="TC6", rule=IN_MOTION):
+    follower = Follower(model, face, rule=rule)
     for event in events:
         follower.apply(event)
     return follower
@@ -67,8 +67,36 @@ def test_a_contradicting_observation_puts_the_twin_where_the_robot_is(model, pol
     assert followed(model, events).digest() == follower.digest()
 
 
-def test_an_unsettled_observation_is_not_acted_upon(model, policy):
-    assert followed(model, stream(model, policy, seen=[(7.5, "TC3", False)])).resets == 0
+def test_by_the_first_rule_an_unsettled_observation_is_not_acted_upon(model, policy):
+    seen = followed(model, stream(model, policy, seen=[(4.0, "TC3", False)]), rule=AT_REST)
+    assert seen.resets == 0
+    assert seen.digest() == followed(model, stream(model, policy), rule=AT_REST).digest()
+
+
+def test_in_motion_the_twin_has_half_a_second_to_come_onto_the_face_by_itself(model, policy):
+    plain = followed(model, stream(model, policy))
+    lands_s = next(
+        t / 1000
+        for t in range(1000, 8000, 50)
+        if followed(model, stream(model, policy, seconds=t / 1000)).robot.footing().face == "TO5"
+    )
+    soon = followed(model, stream(model, policy, seen=[(lands_s - 0.3, "TO5", False)]))
+    assert soon.resets == 0
+    assert soon.digest() == plain.digest()
+    early = followed(model, stream(model, policy, seconds=lands_s, seen=[(lands_s - 1.0, "TO5", False)]))
+    assert early.resets == 1
+
+
+def test_in_motion_it_is_put_onto_the_face_with_the_lengths_that_its_struts_have(model, policy):
+    events = stream(model, policy, seconds=2.2, seen=[(1.6, "TO5", False)])
+    before = followed(model, [e for e in events if isinstance(e, Sent)])
+    assert before.robot.footing().face != "TO5"
+    lengths_m = before.robot.rest_lengths_m()
+    seen = followed(model, events)
+    assert (seen.robot.footing().face, seen.resets) == ("TO5", 1)
+    assert np.abs(seen.robot.rest_lengths_m() - lengths_m).max() < 0.002
+    assert np.array_equal(seen.robot.targets_m(), followed(model, events, rule=AT_REST).robot.targets_m())
+    assert followed(model, events).digest() == seen.digest()
 
 
 def test_an_observation_waits_until_the_twin_itself_is_at_rest(model, policy):

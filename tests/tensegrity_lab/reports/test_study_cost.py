@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 import pytest
 
-from sim_core.errors import SimError
 from sim_core.studies.local_runner import Cost
-from tensegrity_lab.reports.study_cost import BEGIN, END, Figures, table_of, write_into
+from tensegrity_lab.reports.study_cost import Figures, table_of
 
 FIGURES = Figures(40, Cost(robot_s=13_000.0, core_s=36.0, build_s=0.36, trials=1000), 960, 40_000, 20_000, 0.002)
 
@@ -24,13 +23,3 @@ def test_a_millions_cost_follows_from_the_figures():
 def test_no_time_is_promised_for_more_cores_than_the_scheduler_feeds():
     assert "hours on 1,024 cores" in table_of(FIGURES)
     assert "hours on 1,024 cores" not in table_of(FIGURES._replace(task_s=0.1))
-
-
-def test_the_table_goes_between_the_pages_markers(tmp_path):
-    page = tmp_path / "page.md"
-    page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
-    write_into(page, "| new |")
-    assert page.read_text() == f"before\n{BEGIN}\n| new |\n{END}\nafter\n"
-    page.write_text("nothing")
-    with pytest.raises(SimError, match="has no place for the table"):
-        write_into(page, "x")

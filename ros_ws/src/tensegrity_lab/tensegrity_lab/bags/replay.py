@@ -15,7 +15,7 @@ from sim_core.dynamics.model import Model, build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.files.yaml_reader import parse_yaml
 from sim_core.structure.parameters import Prototype, load_prototype, parse_prototype
-from sim_core.twin.follower import Event, Follower, Observed, Pace, Sent, impossible
+from sim_core.twin.follower import AT_REST, Event, Follower, Observed, Pace, Sent, impossible
 from sim_core.twin.model_versions import label_of
 
 MOST_GAP_S, MOST_S = 86_400.0, 7 * 86_400.0
@@ -166,11 +166,15 @@ def replay(
     sources = {m.seq: m.source for m in session.of("bridge/face")}
     first_seq, start = start_of(session)
     events = [event for event in events if event.seq >= first_seq]
-    follower = Follower(model, start, actuators)
+    follower = Follower(model, start, actuators, rule_of(session))
     result = Replay(model_hash=follower.identity)
     result.origin_s = began_s = events[0].robot_time_ns / 1e9
     for done, event in enumerate(events, start=1):
         follower.apply(event)
+        if follower.corrected_from is not None and not isinstance(event, Observed):  # it stood elsewhere for too long
+            seen = next(past for past in reversed(events[:done]) if isinstance(past, Observed))
+            time_s = event.robot_time_ns / 1e9 - began_s
+            result.faces.append(FaceCheck(time_s, follower.corrected_from or None, seen.face, sources[seen.seq]))
         if isinstance(event, Sent):
             result.times_s.append(event.robot_time_ns / 1e9 - began_s)
             result.lengths_m.append(event.lengths_m)
@@ -203,6 +207,11 @@ def start_of(session: Session) -> tuple[int, str]:
     before = sorted((m.seq, m.face) for m in session.of("bridge/face") if m.seq < first_seq and m.face)
     told = (m.face for m in session.of("twin/state") if m.face)
     return first_seq, before[-1][1] if before else next(told, "TC6")
+
+
+def rule_of(session: Session) -> int:
+    """By which the bag's live twin was corrected; bags that name none, by the first one."""
+    return max((getattr(m, "rule", 0) for m in session.of("twin/state")), default=0) or AT_REST
 
 
 def observed_path(session: Session, origin_s: float) -> tuple[np.ndarray, np.ndarray]:

@@ -4,15 +4,12 @@
 import os
 import pickle
 import platform
-import re
 from dataclasses import replace
-from pathlib import Path
 from time import perf_counter
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from sim_core.errors import SimError
 from sim_core.structure.parameters import Prototype
 from sim_core.studies.binomial_intervals import rate_of
 from sim_core.studies.local_runner import Chunk, Cost, Trials
@@ -22,7 +19,6 @@ from tensegrity_lab.reports.markdown import table
 TASKS, REPEATS = 40, 5
 CORES = (2, 64, 1024)
 MILLION = 1_000_000
-BEGIN, END = "<!-- cost: begin -->", "<!-- cost: end -->"
 
 
 class Figures(NamedTuple):
@@ -57,8 +53,8 @@ def figures_of(prototype: Prototype, study: Study) -> Figures:
 def no_work(chunk: Chunk, _sources: str) -> Trials:
     """Trials as large as a chunk's, of nothing done."""
     n = len(chunk.jobs)
-    a, b, c, d, e, f, g, h = np.zeros((8, n), dtype=np.float32)
-    return Trials(np.zeros(n, dtype=np.bool_), a, b, c, d, e, f, g, h, ("",) * n, (False,) * n, ("",) * n, Cost())
+    columns = list(np.zeros((9, n), dtype=np.float32))
+    return Trials._make([np.zeros(n, dtype=np.bool_), *columns, ("",) * n, (False,) * n, ("",) * n, Cost()])
 
 
 def _overhead_s(chunk: Chunk) -> float:
@@ -109,18 +105,6 @@ def table_of(figures: Figures, prototypes: int = MILLION) -> str:
         rows.append((f"95 % interval of a primitive at 97 %, {count:,} prototypes", f"± {50 * (rate.high - rate.low):.3f} %"))
     where = f"{platform.machine()}, {os.cpu_count()} processors, load average {os.getloadavg()[0]:.1f}"
     return table((f"figure, on {where}", ""), rows)
-
-
-def write_into(page: Path, table: str) -> None:
-    """Put the table between the page's markers. Raises SimError if it has none."""
-    try:
-        text = page.read_text(encoding="utf-8")
-    except OSError as error:
-        raise SimError(f"cannot read page {page}: {error.strerror}") from error
-    pattern = re.compile(f"{BEGIN}.*?{END}", re.DOTALL)
-    if not pattern.search(text):
-        raise SimError(f"{page} has no place for the table: valid is a page with {BEGIN} and {END}")
-    page.write_text(pattern.sub(lambda _: f"{BEGIN}\n{table}\n{END}", text), encoding="utf-8")
 
 
 def document_of(figures: Figures) -> dict[str, Any]:

@@ -124,6 +124,7 @@ class _Running:
     motion_asked: float | None = None  # when the bridge was asked for the motion that is under way
     motion_began_ns: int = 0
     motion_s: float = 0.0
+    rolled_on_from: tuple[int, float, float] | None = None  # robot time, x, y of the twin when the chain began
 
 
 class GaitPlannerNode(Node):
@@ -396,12 +397,22 @@ class GaitPlannerNode(Node):
                 face=(known.face or "") if known is not None else "",
                 next_face=roll.sequence.next_face,
                 rolls=roll.sequence.rolls,
+                m_per_min=self._m_per_min(roll),
                 duty_left_s=self._duty_left_s(),
                 progress=self._progress(roll, view),
                 length_m=view.lengths_m,
                 odds=roll.probability,
             )
         )
+
+    def _m_per_min(self, roll: _Running) -> float:
+        """How fast a chain goes, by the twin; NaN before it goes."""
+        if roll.sequence.phase is not Phase.ROLL_ON or self._twin is None:
+            return math.nan
+        now = (self._twin.robot_time_ns, self._twin.center_of_mass.x, self._twin.center_of_mass.y)
+        began = roll.rolled_on_from = roll.rolled_on_from or now
+        seconds = (now[0] - began[0]) * 1e-9
+        return 60.0 * math.hypot(now[1] - began[1], now[2] - began[2]) / seconds if seconds > 0.0 else math.nan
 
     def _progress(self, roll: _Running, view: View) -> float:
         """Part of the gait's time that is over: each of its two motions is one half."""

@@ -29,7 +29,7 @@ from sim_core.structure.parameters import load_prototype
 from sim_core.structure.topology import require_face
 from sim_core.structure.urdf import urdf
 from sim_core.twin.event_stream import Arrival, Begin, EventStream
-from sim_core.twin.follower import Event, Follower, Observed
+from sim_core.twin.follower import RULE, Event, Follower, Observed
 from sim_core.twin.rest_detector import RestWatch
 from sim_core.twin.standalone import StandAlone
 from sim_core.uncertainty.perturbation_law import MAX_SCALE, perturb
@@ -286,7 +286,7 @@ class TwinNode(Node):
         if self._alone is None:
             follower = self._follower
             message.model_hash = follower.identity
-            message.session = self._stream.session
+            message.session, message.rule = self._stream.session, RULE
             message.step, message.first_seq, message.last_seq = follower.step, follower.first_seq, follower.last_seq
             message.detail = self._detail(follower.resets)
         else:

@@ -220,7 +220,15 @@ function neighbours(now) {
   const running = now.roll;
   $("progress").hidden = !running;
   if (running) $("progress").value = running.progress || 0;
-  text("phase", running ? `${running.phase}, on ${running.face || "no face"}` : now.last && !failed(now) ? `the last ${now.last}` : "");
+  text("phase", running ? `${running.phase}, on ${running.face || "no face"}${rollingOn(running)}` : now.last && !failed(now) ? `the last ${now.last}` : "");
+}
+
+function rollingOn(running) {
+  if (!running.next_face) return "";
+  const words = [` to ${running.next_face}: ${running.rolls} rolls made`];
+  if (running.m_per_min !== null) words.push(`${running.m_per_min.toFixed(2)} m/min`);
+  if (running.duty_left_s !== null) words.push(`${Math.round(running.duty_left_s)} s of duty left`);
+  return words.join(", ");
 }
 
 function journey(now) {
