@@ -8,7 +8,8 @@ import pytest
 from sim_core.gaits.cycle import Cycle
 from sim_core.gaits.library import Library
 from sim_core.rolling.course import CourseResult
-from tests.benchmarks.solver.cycles_in_mujoco import RANDOM, Compared, cycles_document, cycles_text, went
+from sim_core.studies.chain_study import RANDOM
+from tests.benchmarks.solver.cycles_in_mujoco import Compared, compared_document, compared_text, went
 
 
 def result(reached, ended="TC1", pace=0.02):
@@ -33,10 +34,10 @@ def test_a_chain_counts_the_rolls_that_were_begun(compared):
 
 
 def test_the_table_and_the_json_say_so(compared):
-    straight, mixed = cycles_text(Library("short", "0", {}, (), (Cycle("C1", ()),)), compared).splitlines()[4:6]
+    straight, mixed = compared_text(Library("short", "0", {}, (), (Cycle("C1", ()),)), compared).splitlines()[4:6]
     assert "| 27 of 29 [" in straight
     assert "| 48 of 48 [92.6, 100.0] % | +6.9 | 2 of 4 / 4 of 4 | 1 of 4 / 4 of 4 | 0.90 / 1.20 |" in straight
     assert mixed.endswith("|  |")  # a way that is not straight has no speed
-    one = json.loads(json.dumps(cycles_document(compared)))[0]
+    one = json.loads(json.dumps(compared_document(compared)))[0]
     assert one["sixstrut"]["onto_next"]["successes"] == 27
     assert one["MuJoCo"]["in_a_row"]["trials"] == 4

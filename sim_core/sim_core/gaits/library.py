@@ -5,16 +5,16 @@ Schema 2 adds cycles (see `cycle`); a library without any is written as schema 1
 """
 
 import hashlib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from sim_core.errors import LibraryError, PolicyError, brief
+from sim_core.errors import LibraryError, PolicyError, RollRefused, brief
 from sim_core.files.bounded_reader import DATA
 from sim_core.files.yaml_reader import read_yaml_or, sealed, yaml_text
-from sim_core.gaits.cycle import Cycle, cycles_text, parse_cycles, stage_numbers
+from sim_core.gaits.cycle import Chain, Cycle, cycles_text, parse_cycles, stage_numbers
 from sim_core.structure.policy import Policy, checked_policy
 from sim_core.structure.roll_classes import CLASSES, RollClass, class_of
 from sim_core.structure.symmetry import carrier
@@ -108,6 +108,18 @@ def gait_of(primitive: Primitive, source: str, target: str) -> Gait:
     if primitive.roll_class is not class_of(source):
         raise LibraryError(f"primitive {primitive.name} is of class {primitive.roll_class.name}: it cannot roll {source}→{target}")
     return Gait(primitive, source, target, checked_policy(element.relabel(primitive.policy), 10_000), element.proper)
+
+
+def wanted_chain(library: Library, source: str, faces: Sequence[str], cycle: str = "") -> Chain:
+    """The chain over these faces. `cycle`: its name; empty: the library's first. Raises SimError, naming what is valid."""
+    if not library.cycles:
+        raise RollRefused(f"library {library.name} has no cycles to roll on by: take one that has, such as continuous")
+    named = [one for one in library.cycles if one.name == (cycle or library.cycles[0].name)]
+    if not named:
+        raise RollRefused(f"library {library.name} has no cycle {cycle!r}: valid are {', '.join(c.name for c in library.cycles)}")
+    chain = Chain(named[0], (source, *faces))
+    assert chain.rolls  # it goes there
+    return chain
 
 
 def load_library(name_or_path: str | Path = "robust") -> Library:

@@ -78,13 +78,13 @@ def chain_study(
     for name, parameters in actuators:
         for cycle in library.cycles:
             for turns in (*TURNS, RANDOM):
-                ways = [(draw, _faces(turns, draw, ROLLS)) for draw in draws]
+                ways = [(draw, chain_faces(turns, draw, ROLLS)) for draw in draws]
                 if turns != RANDOM:
-                    ways += [(draw, _faces(turns, draw, LONG)) for draw in draws[:LONG_PROTOTYPES]]
+                    ways += [(draw, chain_faces(turns, draw, LONG)) for draw in draws[:LONG_PROTOTYPES]]
                 courses = [(draw, stages_of_chain(chain_of(cycle, faces))) for draw, faces in ways]
                 work[_Way(cycle.name, turns, name)] = _chunks(prototype, courses, parameters)
         if library.cycles:
-            faces = _faces(TURNS[0], draws[0], ROLLS)
+            faces = chain_faces(TURNS[0], draws[0], ROLLS)
             policies = [library.gaits(*pair)[0].policy for pair in pairwise(faces)]
             stages = stages_of_rolls(policies, faces[1:])
             work[_Way(STOP_AND_GO, TURNS[0], name)] = _chunks(prototype, [(draw, stages) for draw in draws], parameters)
@@ -95,7 +95,8 @@ def chain_study(
     return tuple(found)
 
 
-def _faces(turns: str, draw: Draw, rolls: int) -> tuple[str, ...]:
+def chain_faces(turns: str, draw: Draw, rolls: int) -> tuple[str, ...]:
+    """The faces of a chain of so many rolls, one of TURNS again and again, or RANDOM: this prototype's own."""
     count = rolls // 2 - 1
     chosen = [turns] * count
     if turns == RANDOM:

@@ -8,22 +8,22 @@ from typing import Any
 import numpy as np
 
 from sim_core.dynamics.model import build_model
-from sim_core.gaits.cycle import TURNS, chain_of, faces_of
+from sim_core.gaits.cycle import TURNS, chain_of
 from sim_core.gaits.library import Library
 from sim_core.rolling.batch import Batch
 from sim_core.rolling.course import Course, CourseResult, stages_of_chain
 from sim_core.structure.parameters import Prototype
-from sim_core.structure.symmetry import REFERENCE_TC, REFERENCE_TO
+from sim_core.structure.symmetry import REFERENCE_TC
 from sim_core.studies.binomial_intervals import Rate, rate_of
+from sim_core.studies.chain_study import RANDOM, ROLLS, chain_faces
+from sim_core.studies.local_runner import Draw
 from sim_core.studies.robustness import HELD_OUT_SEED, require_held_out
 from sim_core.uncertainty.perturbation_law import Law, sample
 from tensegrity_lab.reports.markdown import table
 from tests.benchmarks.solver.mujoco_engine import MuJoCo, judged
 
 STEP_S = 2e-3
-ROLLS = 12
 LAW = Law(0.1)
-RANDOM = "random"
 ENGINES = ("sixstrut", "MuJoCo")
 
 
@@ -88,25 +88,23 @@ def compared_with_mujoco(prototype: Prototype, library: Library, robots: int, th
     require_held_out(library, HELD_OUT_SEED)
     nominal = build_model(prototype)
     models = [nominal, *sample(nominal, LAW, robots, HELD_OUT_SEED)]
-    rng, count = np.random.default_rng(HELD_OUT_SEED), ROLLS // 2 - 1
-    mixed = [tuple(TURNS[turn] for turn in rng.integers(2, size=count)) for _ in models]
-    ways = {turn: [(turn,) * count] * len(models) for turn in TURNS} | {RANDOM: mixed}
+    ways = [(cycle, turns) for cycle in library.cycles for turns in (*TURNS, RANDOM)]
+    draws = [Draw(LAW, HELD_OUT_SEED, number) for number in (robots, *range(robots))]  # the nominal robot turns as one more would
     jobs = [
-        Course(robot, REFERENCE_TC, stages_of_chain(chain_of(cycle, faces_of(REFERENCE_TC, REFERENCE_TO, turns))))
-        for cycle in library.cycles
-        for way in ways.values()
-        for robot, turns in enumerate(way)
+        Course(robot, REFERENCE_TC, stages_of_chain(chain_of(cycle, chain_faces(turns, draw, ROLLS))))
+        for cycle, turns in ways
+        for robot, draw in enumerate(draws)
     ]
     ours, theirs = Batch(models, threads).run(jobs), judged([MuJoCo(model, STEP_S) for model in models], jobs, threads)
     found = []
-    for number, (cycle, turns) in enumerate((cycle.name, turns) for cycle in library.cycles for turns in ways):
+    for number, (cycle, turns) in enumerate(ways):
         at = number * len(models)
         for words, part in (("nominal", slice(at, at + 1)), (f"{robots} at {LAW.brief}", slice(at + 1, at + len(models)))):
-            found.append(Compared(cycle, turns, words, (went(ours[part]), went(theirs[part]))))
+            found.append(Compared(cycle.name, turns, words, (went(ours[part]), went(theirs[part]))))
     return found
 
 
-def cycles_text(library: Library, compared: Sequence[Compared]) -> str:
+def compared_text(library: Library, compared: Sequence[Compared]) -> str:
     """For people."""
     head = [
         "cycle", "turns", "robots", *(f"onto the next face, {engine}" for engine in ENGINES), "points apart",
@@ -129,7 +127,7 @@ def _of(rate: Rate) -> str:
     return f"{rate.successes} of {rate.trials}"
 
 
-def cycles_document(compared: Sequence[Compared]) -> list[dict[str, Any]]:
+def compared_document(compared: Sequence[Compared]) -> list[dict[str, Any]]:
     """For programs."""
     return [
         {"cycle": c.cycle, "turns": c.turns, "robots": c.robots, "points_apart": c.apart}

@@ -183,7 +183,7 @@ class _Judged:
         return self._rows[:, self._lay.struts : self._lay.contacts].reshape(len(self._rows), 6, k.STRUT_ROWS)
 
     def run(self) -> list[RollResult | CourseResult]:
-        struts, watch = self._struts, []
+        struts, watch = self._struts, []  # of each robot, what `look` takes
         for i, (robot, job) in enumerate(zip(self._robots, self._jobs, strict=True)):
             ours = robot.ours
             struts[i, :, k.REST] = struts[i, :, k.TARGET] = ours.rest_lengths(neutral_lengths(ours.prototype))
@@ -191,8 +191,8 @@ class _Judged:
             watch.append((self._rows[i], self._work[i], self._records[i], rules_of(ours), drive_of(ours), self._lay.struts, stages))
         rolling = np.arange(len(self._jobs))
         self._step(rolling)  # sensors show what was before a step: this one shows the start
-        for job, (*rows, stages) in zip(self._jobs, watch, strict=True):
-            w.begin(*rows, face_number(job.source), stages)
+        for job, looked in zip(self._jobs, watch, strict=True):
+            w.begin(*looked[:-1], face_number(job.source), looked[-1])
         while len(rolling):
             self._step(rolling)
             for i in rolling.tolist():

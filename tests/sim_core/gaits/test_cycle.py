@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Cycles: the group carries two policies over any chain of TCs, and files keep them."""
 
+from dataclasses import replace
 from itertools import product
 
 import pytest
@@ -8,7 +9,7 @@ import pytest
 from sim_core.errors import LibraryError, RollRefused
 from sim_core.files.yaml_reader import parse_yaml
 from sim_core.gaits.cycle import NEXT_TC, TURNS, Cycle, CycleStage, Switches, chain_of, faces_of, turns_of
-from sim_core.gaits.library import library_text, load_library, parse_library
+from sim_core.gaits.library import library_text, load_library, parse_library, wanted_chain
 from sim_core.structure.symmetry import CARRIERS, GROUP
 from sim_core.structure.topology import NEIGHBOURS
 
@@ -84,3 +85,16 @@ def test_a_damaged_cycle_is_named(wrong, right):
         text += "- name: C1\n  stages: []\n"
     with pytest.raises(LibraryError, match=r"cycle [12]"):
         parse_library(parse_yaml(text.replace(wrong, right), "there"), "there")
+
+
+def test_the_chain_that_is_wanted_is_of_the_named_cycle_or_the_first():
+    shelf = replace(load_library("robust"), cycles=(CYCLE, replace(CYCLE, name="C2")))
+    faces = faces_of("TC6", "TO5", TURNS[:1])
+    assert wanted_chain(shelf, "TC6", faces[1:]).name == f"C1 {'→'.join(faces)}"
+    assert wanted_chain(shelf, "TC6", faces[1:], "C2").cycle.name == "C2"
+    with pytest.raises(RollRefused, match="no cycle 'P1': valid are C1, C2"):
+        wanted_chain(shelf, "TC6", faces[1:], "P1")
+    with pytest.raises(RollRefused, match="robust has no cycles"):
+        wanted_chain(load_library("robust"), "TC6", faces[1:])
+    with pytest.raises(RollRefused, match="goes to"):
+        wanted_chain(shelf, "TC6", ("TO5", "TC6"))

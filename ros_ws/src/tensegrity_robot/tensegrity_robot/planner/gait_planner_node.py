@@ -20,7 +20,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from hardware_bridge.errors import may_be_sent_again
 from sim_core.errors import RollRefused, SimError
 from sim_core.gaits.cycle import Chain
-from sim_core.gaits.library import Gait, load_library
+from sim_core.gaits.library import Gait, load_library, wanted_chain
 from sim_core.gaits.roll_sequence import (
     Lengths,
     Link,
@@ -49,7 +49,7 @@ from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
 from tensegrity_robot.planner.lease_client import CALL_TIMEOUT_S, Lease
 from tensegrity_robot.planner.rehearsal_worker import Rehearser, Rehearsing, rehearsal_message
-from tensegrity_robot.planner.services import serve_face_graph, serve_rehearse, wanted_chain, wanted_gait
+from tensegrity_robot.planner.services import serve_face_graph, serve_rehearse, wanted_gait
 from tensegrity_robot.ros import qos, topics
 from tensegrity_robot.ros.event_filters import EventTimes
 from tensegrity_robot.ros.node_help import About
@@ -325,7 +325,7 @@ class GaitPlannerNode(Node):
             raise RollRefused(
                 f"{len(request.faces)} faces are more than longest_chain {self._settings.longest_chain}: roll in parts"
             )
-        roll.gait = chain = wanted_chain(self._graph, source, request.faces, request.primitive)
+        roll.gait = chain = wanted_chain(self._graph.library, source, request.faces, request.primitive)
         blind = self._rules.observe and not self._observer
         if blind and not len(request.faces) <= request.blind_rolls <= MOST_BLIND:
             raise RollRefused(

@@ -4,14 +4,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from rclpy.callback_groups import ReentrantCallbackGroup
 from rclpy.node import Node
 
 from sim_core.errors import RollRefused, SimError
-from sim_core.gaits.cycle import Chain
 from sim_core.gaits.library import Gait, gait_of
 from sim_core.planning.face_graph import Choice
 from sim_core.planning.face_graph import FaceGraph as Graph
@@ -31,19 +30,6 @@ def wanted_gait(graph: Graph, source: str, target: str, primitive: str) -> Gait:
     if primitive:
         return gait_of(graph.library.primitive(primitive), source, target)
     return graph.best(source, target).gait
-
-
-def wanted_chain(graph: Graph, source: str, faces: Sequence[str], cycle: str) -> Chain:
-    """The chain over these faces. `cycle`: its name; empty: the library's first. Raises SimError, naming what is valid."""
-    library = graph.library
-    if not library.cycles:
-        raise RollRefused(f"library {library.name} has no cycles to roll on by: start the planner with library:=continuous")
-    named = [one for one in library.cycles if one.name == (cycle or library.cycles[0].name)]
-    if not named:
-        raise RollRefused(f"library {library.name} has no cycle {cycle!r}: valid are {', '.join(c.name for c in library.cycles)}")
-    chain = Chain(named[0], (source, *faces))
-    assert chain.rolls  # it goes there
-    return chain
 
 
 def serve_face_graph(node: Node, graph: Graph) -> None:

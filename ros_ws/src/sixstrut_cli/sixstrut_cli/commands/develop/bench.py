@@ -39,16 +39,16 @@ def command(
     sixstrut bench
     sixstrut bench --stack
     sixstrut bench --stack --quick --json
-    sixstrut bench --library robust
+    sixstrut bench --library continuous --page
     """
     import_tests()
-    if page and (quick or prototype is not None or library is not None):
-        raise typer.BadParameter("the page is of a whole run: leave --quick, --prototype and --library out", param_hint="--page")
-    name = "benchmark_stack.md" if stack else "benchmark.md"
+    if page and (quick or prototype is not None):
+        raise typer.BadParameter("the page is of a whole run: leave --quick and --prototype out", param_hint="--page")
+    name = "rolling_on.md" if library else "benchmark_stack.md" if stack else "benchmark.md"
     path = results_page(name) if page else output_folder("bench", output) / name
     announce("measuring, about five minutes; --quick one or two; Ctrl-C leaves at any time, then nothing is written")
     if library is not None:
-        _in_mujoco(library, 4 if quick else 20, threads, as_json, prototype)
+        _in_mujoco(library, 4 if quick else 20, threads, path if page else None, as_json, prototype)
     elif stack:
         if threads is not None or prototype is not None:
             raise typer.BadParameter("--threads and --prototype are of the solver's benchmark: leave them out with --stack")
@@ -100,12 +100,15 @@ def _tell(report: Any, result: Any, path: Path, as_json: bool) -> None:
     wrote(path, report.draw(result, picture), err=True)
 
 
-def _in_mujoco(name: str, robots: int, threads: int | None, as_json: bool, prototype: Path | None) -> None:
+def _in_mujoco(name: str, robots: int, threads: int | None, page: Path | None, as_json: bool, prototype: Path | None) -> None:
     from sim_core.gaits.library import load_library
     from sim_core.structure.parameters import load_prototype
+    from tensegrity_lab.reports.markdown import write_into
     from tests.benchmarks.solver import cycles_in_mujoco, library_in_mujoco
 
     shelf, robot, cores = load_library(name), load_prototype(prototype), threads or min(2, os.cpu_count() or 1)
+    if page and not shelf.cycles:
+        raise typer.BadParameter(f"library {shelf.name} has no cycles for the page: leave --page out", param_hint="--page")
     _say(f"rolling {24 * len(shelf.primitives)} gaits in MuJoCo, a minute or so; each cycle some minutes")
     tried = library_in_mujoco.tried_in_mujoco(robot, shelf, cores)
     compared = cycles_in_mujoco.compared_with_mujoco(robot, shelf, robots, cores) if shelf.cycles else []
@@ -113,9 +116,12 @@ def _in_mujoco(name: str, robots: int, threads: int | None, as_json: bool, proto
         works, pairs = tried.possible
         rates = {p.name: rate.value for p, rate in zip(shelf.primitives, tried.rates, strict=True)}
         document = {"library": shelf.name, "hash": shelf.hash, "rates": rates, "all": float(tried.wins.mean())}
-        document |= {"rolls_with_a_gait": works, "rolls": pairs, "cycles": cycles_in_mujoco.cycles_document(compared)}
+        document |= {"rolls_with_a_gait": works, "rolls": pairs, "cycles": cycles_in_mujoco.compared_document(compared)}
         typer.echo(json.dumps(document))
-        return
-    typer.echo(library_in_mujoco.text_of(tried))
-    if compared:
-        typer.echo("\n" + cycles_in_mujoco.cycles_text(shelf, compared))
+    else:
+        typer.echo(library_in_mujoco.text_of(tried))
+        if compared:
+            typer.echo("\n" + cycles_in_mujoco.compared_text(shelf, compared))
+    if page:
+        write_into(page, "mujoco", cycles_in_mujoco.compared_text(shelf, compared))
+        wrote(page, err=as_json)
