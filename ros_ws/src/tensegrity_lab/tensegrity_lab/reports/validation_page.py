@@ -11,9 +11,9 @@ from tensegrity_lab.reports.markdown import table
 MARKERS = "os^Dv"
 
 
-def number(value: float, digits: int = 6) -> str:
+def number(value: float) -> str:
     """A measured number for people; a plain zero."""
-    return "0" if value == 0.0 else f"{value:.{digits}g}"
+    return "0" if value == 0.0 else f"{value:.6g}"
 
 
 def with_unit(value: float, unit: str) -> str:

@@ -17,8 +17,6 @@ if TYPE_CHECKING:
     from sim_core.validation import Case
 
 EXIT_CASE_FAILED = 4
-TOLD = ["name", "checked", "measured", "reference", "unit", "error", "tolerance", "relative", "passed", "source", "note"]
-"""Of a case, with --json."""
 PAGE = "validation.md"
 
 
