@@ -13,9 +13,10 @@ from hardware_bridge.prototype_client.fault_client import inject
 from hardware_bridge.prototype_client.handshake import read_handshake
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
-from tensegrity_lab.stack.client import StackClient
-from tensegrity_lab.stack.processes import START_LIMIT_S, STOP_LIMIT_S, IsolatedStack, Process, wait_until
+from tensegrity_lab.stack.processes import START_LIMIT_S, STOP_LIMIT_S, Process, wait_until
 from tests.failures.scenario import expect
+from tests.isolated_stack import IsolatedStack
+from tests.stack_operator import Operator
 
 MID = (0.234,) * 6
 T = TypeVar("T")
@@ -58,7 +59,7 @@ class Rig:
     domain: int
     locks: tuple[int, ...] = ()
     processes: IsolatedStack = field(init=False)
-    _operator: StackClient | None = None
+    _operator: Operator | None = None
     _setup: Setup | None = None
     _nodes: dict[str, Process] = field(default_factory=dict)
     _bridge_parameters: Mapping[str, object] = field(default_factory=dict)
@@ -76,10 +77,10 @@ class Rig:
     # ---- the stack --------------------------------------------------------------------------------------------------
 
     @property
-    def operator(self) -> StackClient:
+    def operator(self) -> Operator:
         """Somebody before the stack, from the first call on."""
         if self._operator is None:
-            self._operator = StackClient(domain=self.domain, events=True)
+            self._operator = Operator(domain=self.domain)
         return self._operator
 
     @property
@@ -91,7 +92,7 @@ class Rig:
         """A process of the stack."""
         return self._nodes[name]
 
-    def use(self, setup: Setup, **bridge: Any) -> StackClient:
+    def use(self, setup: Setup, **bridge: Any) -> Operator:
         """The stack of a setup, with these parameters of the bridge: the running one if it is that, or a new one. Disarmed."""
         if self._setup != setup or any(process.code is not None for process in self._nodes.values()):
             self.spoil()

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_lab.stack.ros_domain import free_domain
 from tests.failures.documented import DOCS_PAGE, page_rows, shape_of
 from tests.failures.rig import Rig, scratch
 from tests.failures.table import RUNNING_ORDER, SCENARIOS, scenario
+from tests.isolated_stack import free_domain
 
 pytestmark = pytest.mark.ros
 

@@ -151,7 +151,7 @@ def test_a_robustness_study_writes_json_tables_and_picture(tmp_path):
 
 BEFORE_ANYTHING_IS_LOADED = """
 import contextlib, io, json, sys
-rooms = "search validation studies uncertainty planning rolling twin dynamics gaits structure".split()
+rooms = "search studies uncertainty planning rolling twin dynamics gaits structure".split()
 sys.modules |= dict.fromkeys(f"sim_core.{room}" for room in rooms)
 sys.modules |= dict.fromkeys(("numpy", "rclpy", "rich", "tensegrity_lab", "tensegrity_console"))
 from sixstrut_cli import app

@@ -32,8 +32,8 @@ def lab():
     """A stack of this module's own, in a ROS domain of its own."""
     from pathlib import Path
 
-    from tensegrity_lab.stack.ros_domain import free_domain
     from tests.failures.rig import Rig, scratch
+    from tests.isolated_stack import free_domain
 
     with free_domain() as domain, scratch() as folder:
         lab = Rig(Path(folder), domain)

@@ -82,7 +82,7 @@ class Stage:
 
 @pytest.fixture(scope="module")
 def stage(module_processes, chromium, domain):
-    from tensegrity_lab.stack.client import StackClient
+    from tests.stack_operator import Operator
 
     prototype = module_processes.node("virtual_prototype", "--time-scale", "4", "--perturbation", "0", "--actuators", "ideal")
     module_processes.node("twin")
@@ -90,7 +90,7 @@ def stage(module_processes, chromium, domain):
     module_processes.node("traveller")
     module_processes.node("hardware_bridge")
     prototype.says("ready")
-    operator = StackClient(domain=domain, events=True)
+    operator = Operator(domain=domain)
     operator.wait_for_stack()
     stage = Stage(module_processes, operator, chromium)
     yield stage

@@ -6,7 +6,7 @@ import re
 import pytest
 
 from tensegrity_lab.session_data.ledger import Ledger
-from tensegrity_lab.stack.processes import IsolatedStack
+from tests.isolated_stack import IsolatedStack
 from tests.tensegrity_lab.terminal import Terminal
 from tests.tensegrity_lab.trials.test_trial import PLAN
 

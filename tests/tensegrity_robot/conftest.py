@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tensegrity_lab.stack.ros_domain import free_domain
+from tests.isolated_stack import free_domain
 
 
 @pytest.fixture(scope="module")
@@ -29,7 +29,7 @@ def compiled() -> None:
 @pytest.fixture(scope="module")
 def module_processes(tmp_path_factory: pytest.TempPathFactory, domain: int, compiled: None):
     """Processes that live as long as the module's tests."""
-    from tensegrity_lab.stack.processes import IsolatedStack
+    from tests.isolated_stack import IsolatedStack
 
     processes = IsolatedStack(tmp_path_factory.mktemp("stack"), domain)
     yield processes
@@ -39,7 +39,7 @@ def module_processes(tmp_path_factory: pytest.TempPathFactory, domain: int, comp
 @pytest.fixture
 def processes(tmp_path: Path, domain: int, compiled: None):
     """Processes of one test."""
-    from tensegrity_lab.stack.processes import IsolatedStack
+    from tests.isolated_stack import IsolatedStack
 
     processes = IsolatedStack(tmp_path, domain)
     yield processes
@@ -49,8 +49,8 @@ def processes(tmp_path: Path, domain: int, compiled: None):
 @pytest.fixture
 def operator(domain: int):
     """An operator of one test."""
-    from tensegrity_lab.stack.client import StackClient
+    from tests.stack_operator import Operator
 
-    operator = StackClient(domain=domain, events=True)
+    operator = Operator(domain=domain)
     yield operator
     operator.close()

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bytes to and from one board: port, writes, replies, loss, what waits in it.
-
-May import `calibration`, `boards` and `errors`; not `safety`: it sends what it is given.
-"""
+"""Bytes to and from one board: port, writes, replies, loss, what waits in it. It sends what it is given."""

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All that the rest may know of a virtual prototype: its handshake, its observer, its faults.
-
-May import `calibration`, `boards` and `errors`; of the virtual prototype itself, nothing.
-"""
+"""All that the rest may know of a virtual prototype: its handshake, its observer, its faults."""

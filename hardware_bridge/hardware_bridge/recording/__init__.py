@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MCAP bags: written so that a crash loses little, read so that damage does no harm.
-
-May import `link`, `safety` and the rooms below; not `saved_state`.
-"""
+"""MCAP bags: written so that a crash loses little, read so that damage does no harm."""

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot behind a pty: an emulated servo board, a perturbed body, and an observer in place of a camera.
-
-May import every room here, and, alone of them, `sim_core`'s model: it is a robot.
-"""
+"""A robot behind a pty: an emulated servo board, a perturbed body, and an observer in place of a camera."""

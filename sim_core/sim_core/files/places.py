@@ -57,6 +57,11 @@ def writable_folder(below_home: str, *wanted: Path | str | None) -> Path:
     return _private() / below_home
 
 
+def seen_from_here(path: Path) -> Path:
+    """Relative to where the user is, if below it."""
+    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path
+
+
 def cache_folder(name: str, *wanted: Path | str | None) -> Path:
     """For what can be made again: as `writable_folder`, in the user's cache."""
     cache_home = os.environ.get("XDG_CACHE_HOME")

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the robot is: nodes, struts, tendons, faces, symmetry, parameters. numpy only.
-
-May import `files` and `errors`.
-"""
+"""What the robot is: nodes, struts, tendons, faces, symmetry, parameters. numpy only."""

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Monte Carlo over rolls: robustness, rehearsal, sensitivity, fits.
-
-May import every room here but `search` and `validation`.
-"""
+"""Monte Carlo over rolls: robustness, rehearsal, sensitivity, fits."""

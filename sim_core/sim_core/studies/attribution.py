@@ -95,7 +95,6 @@ def attribute(
     limit: int,
     runner: Runner = run_here,
     report: Reporter = silent,
-    kind: str = IMPROVED,
 ) -> Attribution:
     """Try failed trials again, without each of the law's uncertainties and with each alone.
 
@@ -110,21 +109,21 @@ def attribute(
     if not len(chosen):
         none = np.zeros((0, len(groups)), dtype=np.bool_)
         return Attribution(chosen, len(failed), groups, none, none, np.zeros(0, dtype=np.bool_), Cost())
-    trials = joined(runner(_chunks(prototype, study, chosen, kind), report))
+    trials = joined(runner(_chunks(prototype, study, chosen), report))
     wins = trials.feasible.reshape(len(chosen), 2 * len(groups) + 1)
     without, alone, nominal = np.split(wins, [len(groups), 2 * len(groups)], axis=1)
     return Attribution(chosen, len(failed), groups, without, ~alone, ~nominal[:, 0], trials.cost)
 
 
-def _chunks(prototype: Prototype, study: Study, chosen: NDArray[np.int64], kind: str) -> list[Chunk]:
+def _chunks(prototype: Prototype, study: Study, chosen: NDArray[np.int64]) -> list[Chunk]:
     """For each failure: without each group, with each alone, and nominal."""
     law = study.plan.law
     laws = [law.without(group) for group in law.groups] + [law.only(group) for group in law.groups]
     each = max(1, CHUNK_JOBS // (len(laws) + 1))
-    return [_chunk(prototype, study, chosen[at : at + each], laws, kind) for at in range(0, len(chosen), each)]
+    return [_chunk(prototype, study, chosen[at : at + each], laws) for at in range(0, len(chosen), each)]
 
 
-def _chunk(prototype: Prototype, study: Study, rows: NDArray[np.int64], laws: Sequence[Law], kind: str) -> Chunk:
+def _chunk(prototype: Prototype, study: Study, rows: NDArray[np.int64], laws: Sequence[Law]) -> Chunk:
     places: dict[Draw | None, int] = {}
     jobs: list[Job] = []
     for p, g, k in rows.tolist():
@@ -132,4 +131,4 @@ def _chunk(prototype: Prototype, study: Study, rows: NDArray[np.int64], laws: Se
         policy = gait_of(study.primitives[p], source, target).policy
         draws = (*(Draw(law, study.plan.seed, study.plan.numbers[k]) for law in laws), None)
         jobs.extend(Job(places.setdefault(draw, len(places)), source, policy, target) for draw in draws)
-    return Chunk(prototype, tuple(places), tuple(jobs), kind)
+    return Chunk(prototype, tuple(places), tuple(jobs), IMPROVED)

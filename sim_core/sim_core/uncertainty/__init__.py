@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which robots this one might be: laws, samples, ensembles, weights.
-
-May import `rolling`, `twin` and what those may import; not `planning`.
-"""
+"""Which robots this one might be: laws, samples, ensembles, weights."""

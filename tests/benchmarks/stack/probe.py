@@ -8,13 +8,13 @@ from typing import Self
 from diagnostic_msgs.msg import DiagnosticArray
 
 from tensegrity_interfaces.msg import TwinState
-from tensegrity_lab.stack.client import StackClient
 from tensegrity_lab.stack.processes import START_LIMIT_S, Stack
 from tensegrity_robot.ros import qos
 from tensegrity_robot.ros.topics import TWIN_JOINT_STATES
+from tests.stack_operator import Operator
 
 
-class Probe(StackClient):
+class Probe(Operator):
     """A client of a stack that is measured.
 
     Attributes:
@@ -27,7 +27,7 @@ class Probe(StackClient):
         self.ticks: list[tuple[int, int]] = []
         self.states: list[int] = []
         self.log: tuple[float, int, int] | None = None
-        super().__init__(stack, name="sixstrut_bench", events=True)
+        super().__init__(stack, name="sixstrut_bench")
         TWIN_JOINT_STATES.subscribe(self.node, self._on_tick, qos.STREAM, raw=True)
 
     def __enter__(self) -> Self:

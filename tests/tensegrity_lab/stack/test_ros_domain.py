@@ -13,8 +13,9 @@ import pytest
 from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack import ros_domain as module
 from tensegrity_lab.stack.processes import Stack
-from tensegrity_lab.stack.ros_domain import DRAWN, FIRST_PORT, HIGHEST, PORTS, WIDER, free_domain, private_domain, robot_domain
+from tensegrity_lab.stack.ros_domain import DRAWN, FIRST_PORT, HIGHEST, PORTS, WIDER, private_domain, robot_domain
 from tests.hardware_bridge.strangers import needs_root, stranger
+from tests.isolated_stack import free_domain
 
 
 @pytest.mark.parametrize("exported", [None, "", "0", "57", "lab", "-3", "9999"])

@@ -16,8 +16,9 @@ import pytest
 from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.virtual_prototype.boards.lsc import EmulatedLsc
 from tensegrity_interfaces.msg import BridgeState
-from tensegrity_lab.stack.client import StackClient
-from tensegrity_lab.stack.processes import IsolatedStack, Process, wait_until
+from tensegrity_lab.stack.processes import Process, wait_until
+from tests.isolated_stack import IsolatedStack
+from tests.stack_operator import Operator
 from tests.tensegrity_lab.terminal import ENTER, Terminal
 from tests.tensegrity_robot.conftest import compiled, domain
 
@@ -73,7 +74,7 @@ class Lab:
         own.write_text(default.replace("stroke_mm: [-50, 50]", "stroke_mm: [-49, 49]"), encoding="utf-8")  # as if measured
         self._robot = IsolatedStack(folder / "robot", domain)
         self._robot.node("hardware_bridge", port=self.board.port, calibration=own).says("a real port")
-        self._operator = StackClient(domain=domain, events=True)
+        self._operator = Operator(domain=domain)
         wait_until(lambda: self.bridge is not None and self.bridge.link_ok, 30.0, "the real robot's bridge")
         self.beside = IsolatedStack(folder, domain)
 
@@ -160,7 +161,7 @@ def test_what_a_person_arms_in_a_browser(lab: Lab, words: tuple[str, str]) -> No
     """Arming is asked of the planner, as page and app do it; in the printed domain, which says that `ros2` joins there, too."""
     command = lab.beside.command(words[0], "--virtual", "--port", "0", "--bags", str(lab.folder / words[0]))
     command.says(words[1], LIMIT_S)
-    operator = StackClient(domain=own_domain(command), events=True)
+    operator = Operator(domain=own_domain(command), events=True)
     try:
         operator.wait_for_stack()
         assert operator.bridge.prototype

@@ -8,8 +8,8 @@ import pytest
 
 from tensegrity_interfaces.msg import BridgeState, LeaseProof
 from tensegrity_interfaces.srv import Arm
-from tensegrity_lab.stack.client import StackClient
 from tensegrity_lab.stack.processes import wait_until
+from tests.stack_operator import Operator
 
 pytestmark = pytest.mark.ros
 
@@ -31,7 +31,7 @@ def armed(processes, operator):
 
 @pytest.fixture
 def second(domain):
-    operator = StackClient(domain=domain, events=True)
+    operator = Operator(domain=domain)
     yield operator
     operator.close()
 

@@ -31,9 +31,9 @@ END_OF_LISTENING = b"end of listening"
 @pytest.fixture(scope="module")
 def interrupted(module_processes, domain):
     """Bags of sessions that were ended in mid-roll, by how."""
-    from tensegrity_lab.stack.client import StackClient
+    from tests.stack_operator import Operator
 
-    operator = StackClient(domain=domain, events=True)
+    operator = Operator(domain=domain)
     bags: dict[str, tuple[Path, int, str]] = {}
     try:
         module_processes.node("virtual_prototype", "--time-scale", "8", "--seed", "3").says("ready")

@@ -8,8 +8,8 @@ from action_msgs.msg import GoalStatus
 
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm, Disarm
-from tensegrity_lab.stack.client import StackClient
 from tensegrity_lab.stack.processes import wait_until
+from tests.stack_operator import Operator
 from tests.tensegrity_robot.planner.test_traveller import Client
 
 pytestmark = pytest.mark.ros
@@ -31,7 +31,7 @@ def stack(module_processes):
 
 @pytest.fixture(scope="module")
 def stack_operator(stack, domain):
-    operator = StackClient(domain=domain, events=True)
+    operator = Operator(domain=domain)
     operator.wait_for_stack()
     yield operator
     operator.close()

@@ -13,7 +13,7 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def robot(processes, domain):
     """A robot without errors, and a planner that expects the worst: steep ground and ill-made robots, and wants certainty."""
-    from tensegrity_lab.stack.client import StackClient
+    from tests.stack_operator import Operator
 
     prototype = processes.node("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
     processes.node("twin")
@@ -22,7 +22,7 @@ def robot(processes, domain):
     )
     processes.node("hardware_bridge")
     prototype.says("ready")
-    operator = StackClient(domain=domain, events=True)
+    operator = Operator(domain=domain)
     operator.wait_for_stack()
     yield operator
     operator.call("disarm", Disarm.Request())

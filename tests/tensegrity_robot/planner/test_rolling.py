@@ -45,9 +45,9 @@ def stack(module_processes):
 
 @pytest.fixture(scope="module")
 def stack_operator(stack, domain):
-    from tensegrity_lab.stack.client import StackClient
+    from tests.stack_operator import Operator
 
-    operator = StackClient(domain=domain, events=True)
+    operator = Operator(domain=domain)
     operator.wait_for_stack()
     yield operator
     operator.close()

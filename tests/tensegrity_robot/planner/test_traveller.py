@@ -12,9 +12,9 @@ from rclpy.action import ActionClient
 from tensegrity_interfaces.action import Travel
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Disarm
-from tensegrity_lab.stack.client import StackClient
 from tensegrity_lab.stack.processes import wait_until
 from tensegrity_robot.ros import qos
+from tests.stack_operator import Operator
 
 pytestmark = pytest.mark.ros
 LIMIT_S = 120.0
@@ -68,7 +68,7 @@ def client(module_processes, domain):
     traveller = module_processes.node("traveller")
     module_processes.node("hardware_bridge", lease_silence_s=5.0)
     prototype.says("ready")
-    operator = StackClient(domain=domain, events=True)
+    operator = Operator(domain=domain)
     operator.wait_for_stack()
     client = Client(operator)
     client.traveller = traveller

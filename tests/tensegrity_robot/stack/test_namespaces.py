@@ -10,14 +10,14 @@ import pytest
 from hardware_bridge.prototype_client.handshake import default_link
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
-from tensegrity_lab.stack.client import StackClient
 from tensegrity_lab.stack.processes import wait_until
+from tests.stack_operator import Operator
 
 NAMESPACES = ("blue", "lab/red")
 
 
 @pytest.fixture
-def operators(processes: Any, domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[StackClient]]:
+def operators(processes: Any, domain: int, monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Operator]]:
     """An operator of each stack, once all is there."""
     monkeypatch.setenv("SIXSTRUT_STATE_DIR", str(processes.folder / "state"))
     bridges = []
@@ -28,14 +28,14 @@ def operators(processes: Any, domain: int, monkeypatch: pytest.MonkeyPatch) -> I
         processes.node("gait_planner", *words, settle_timeout_s=200.0)  # of robot time, while other tests may keep the machine busy
         processes.node("twin", *words)
     with ExitStack() as ending:
-        yield [ending.enter_context(closing(StackClient(domain=domain, events=True, namespace=space))) for space in NAMESPACES]
+        yield [ending.enter_context(closing(Operator(domain=domain, namespace=space))) for space in NAMESPACES]
     assert set(processes.stop().values()) == {0}, [bridge.output for bridge in bridges]
 
 
 @pytest.mark.slow
 @pytest.mark.ros
 @pytest.mark.timeout(400)
-def test_a_roll_in_one_namespace_does_not_move_the_other(operators: list[StackClient], processes: Any) -> None:
+def test_a_roll_in_one_namespace_does_not_move_the_other(operators: list[Operator], processes: Any) -> None:
     lengths = neutral_lengths(load_prototype()).tolist()
     for operator in operators:
         operator.wait_for_stack()

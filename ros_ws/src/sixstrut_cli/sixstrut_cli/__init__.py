@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line: one module a command, each a thin hand over the packages below.
-
-May import all of them; no other package imports this one.
-"""
+"""The command line: one module a command, each a thin hand over the packages below."""

@@ -113,7 +113,7 @@ def repository(folder: str) -> Path:
 
 
 def import_tests() -> None:
-    """Make the repository's tests importable: failures and benchmarks are there. Raises typer.BadParameter: no repository."""
+    """Make the repository's tests importable: failures, benchmarks, validation. Raises typer.BadParameter: no repository."""
     sys.path.insert(0, str(repository("tests").parent))
 
 

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The live stack for the Foxglove app.
-
-May import the packages below, not `web`.
-"""
+"""The live stack for the Foxglove app. Knows nothing of `web`."""

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The console: one page, its server, its 3D scene, its side in ROS.
-
-May import the packages below, and this one's `access`.
-"""
+"""The console: one page, its server, its 3D scene, its side in ROS."""

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Before a robot moves: the doctor's checks, and calibrating with a person.
-
-May import every room here.
-"""
+"""Before a robot moves: the doctor's checks, and calibrating with a person."""

@@ -104,10 +104,10 @@ def _draw_floor(axes: Any, path_m: np.ndarray) -> None:
     axes.text(x - 0.05, y - 0.15, 0.0, "x", color="0.3", fontsize="small")
 
 
-def draw_lengths(axes: Any, times_s: Sequence[float], lengths_m: np.ndarray, label: bool = True) -> None:
+def draw_lengths(axes: Any, times_s: Sequence[float], lengths_m: np.ndarray) -> None:
     """Rest lengths of the six struts over time; lengths_m is (n, 6)."""
     for strut in range(6):
-        axes.plot(times_s, 1e3 * lengths_m[:, strut], color=STRUT_COLORS[strut], label=f"S{strut + 1}" if label else None)
+        axes.plot(times_s, 1e3 * lengths_m[:, strut], color=STRUT_COLORS[strut], label=f"S{strut + 1}")
     axes.set(xlabel="robot time (s)", ylabel="rest length (mm)")
     axes.legend(ncol=6, fontsize="small", loc="upper center", bbox_to_anchor=(0.5, 1.15), frameon=False)
 

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The running stack as a program sees it: start it, watch it, ask it, stop it.
-
-May import `terminal` and `errors`, and the packages below.
-"""
+"""The running stack as a program sees it: start it, watch it, ask it, stop it."""

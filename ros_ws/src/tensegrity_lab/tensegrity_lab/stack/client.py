@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS client of the stack: arms, rolls, moves struts, watches. For commands, failure scenarios, benchmarks and tests."""
+"""The ROS client of the stack: arms, rolls, travels, watches. For commands; tests have one that can more."""
 
-import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -9,22 +8,17 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseArray
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from hardware_bridge.errors import may_be_sent_again
-from hardware_bridge.safety.lease_proof import Prover
-from sim_core.names import STRUT_NAMES
 from sim_core.printable import printable
 from sim_core.twin.live_bridge import LiveBridge
-from tensegrity_interfaces.action import ExecuteStruts, Roll, Travel
-from tensegrity_interfaces.msg import BridgeState, FaceObservation, LeaseProof, TrialRecord, TwinState
-from tensegrity_interfaces.srv import Arm, Disarm, FaceGraph, LogTrial, SetFace
+from tensegrity_interfaces.action import Roll, Travel
+from tensegrity_interfaces.msg import BridgeState, FaceObservation, TrialRecord, TwinState
+from tensegrity_interfaces.srv import Arm, Disarm, LogTrial, SetFace
 from tensegrity_lab.errors import StackError, granted
 from tensegrity_lab.stack.processes import START_LIMIT_S, Stack, wait_until
 from tensegrity_lab.stack.ros_thread import Spinner
@@ -32,29 +26,22 @@ from tensegrity_robot.ros import topics
 from tensegrity_robot.ros.conversions import frame_prefix
 from tensegrity_robot.ros.node_process import own_context
 
-MID_M = 0.234
-"""Rest length of a strut at mid stroke."""
 LONGEST_WORDS = 2000
 ANSWER_LIMIT_S = 20.0
 ARM_LIMIT_S = 40.0
 """The planner gives the bridge so long to load its judge of shapes, and a little more."""
 HOMING_LIMIT_S = 60.0
-JUDGING_LIMIT_S = 60.0
 STOP_AGAIN_S, RESET_AGAIN_S = 0.5, 3.0
 LATE_LIMIT_S = 5.0
-MOST_SENDS = 5
 EVENTS = QoSProfile(depth=1000)
 """A client that a busy computer slows down hears late, but not ever later."""
 SERVICES = {
     "arm": Arm,
     "disarm": Disarm,
-    "bridge/arm": Arm,
-    "bridge/disarm": Disarm,
     "stop": Trigger,
     "reset": Trigger,
     "set_face": SetFace,
     "log_trial": LogTrial,
-    "face_graph": FaceGraph,
 }
 
 
@@ -62,12 +49,9 @@ class StackClient:
     """A node in a context of its own; every wait has a limit, and raises StackError after it.
 
     Attributes:
-        bridge, twin, observed, rehearsal: newest bridge state, twin state, observed face and rehearsal; None before the first.
+        bridge, twin, observed: newest bridge state, twin state and observed face; None before the first.
         heard: when (time.monotonic) the bridge was heard last.
-        sent, diagnostics: every StrutsSent, and the newest status of each part by name; both only with `events`.
-        feedback: phases of the last roll, in order.
-        asked_ns: ROS time at which the last motion, cancel or `trigger_at` was asked for.
-        lease: of the bridge, proven while it is set.
+        sent: every StrutsSent; only with `events`.
         prototype: instance of the virtual prototype that may be armed; empty: any robot.
     """
 
@@ -87,7 +71,7 @@ class StackClient:
             prototype: nothing is heard or wanted of another one's bridge. Empty: whatever robot the stack has.
             domain: of ROS; None: the shell's, found as the nodes find each other.
             name: of the node.
-            events: keep the bridge's events and diagnostics.
+            events: keep the bridge's events.
             namespace: of the stack.
         """
         self._stack, self._only, self.prototype = stack, prototype, prototype
@@ -96,31 +80,19 @@ class StackClient:
         self.bridge: Any = None
         self.twin: Any = None
         self.observed: Any = None
-        self.rehearsal: Any = None
         self.heard = 0.0
         self.sent: list[Any] = []
         self._wrote = "", 0
-        self.diagnostics: dict[str, Any] = {}
-        self.feedback: list[str] = []
-        self.asked_ns = 0
-        self.lease = self._proven = ""
-        self._prover = Prover("")
         self._joints: dict[str, np.ndarray] = {}
         self._live = LiveBridge(node.get_logger().warning)
-        keep = partial(partial, setattr, self)
         topics.BRIDGE_STATE.subscribe(node, self._on_bridge)
-        topics.BRIDGE_FACE.subscribe(node, lambda face: self._live.takes(face, keep("observed")))
+        topics.BRIDGE_FACE.subscribe(node, lambda face: self._live.takes(face, partial(setattr, self, "observed")))
         topics.TWIN_STATE.subscribe(node, self._on_twin)
-        topics.REHEARSAL.subscribe(node, keep("rehearsal"))
         self._events = events
         if events:
             topics.STRUTS_SENT.subscribe(node, lambda sent: self._live.takes(sent, self._on_sent), EVENTS)
-            topics.DIAGNOSTICS.subscribe(node, self._on_diagnostics)
-        self._proof = topics.LEASE.publisher(node)
-        node.create_timer(0.2, self._prove)
         self._clients = {service: node.create_client(kind, service) for service, kind in SERVICES.items()}
         self._roll = ActionClient(node, Roll, "roll")
-        self._struts = ActionClient(node, ExecuteStruts, "execute_struts")
         self._spinner = Spinner(node, self._context)
 
     def close(self) -> None:
@@ -153,22 +125,6 @@ class StackClient:
         if not message.heartbeat:
             self._wrote = message.session, message.seq
 
-    def _on_diagnostics(self, message: DiagnosticArray) -> None:
-        self.diagnostics.update({status.name: status for status in message.status})
-
-    def _prove(self) -> None:
-        if not self.lease:
-            return
-        if self._proven != self.lease:
-            self._proven, self._prover = self.lease, Prover(self.lease)
-        counter, proof = self._prover.next()
-        self._proof.publish(LeaseProof(stamp=self.node.get_clock().now().to_msg(), counter=counter, proof=list(proof)))
-
-    def diagnosis(self, part: str) -> dict[str, str]:
-        """The newest values of a part of the bridge's diagnostics; none before the first."""
-        status = self.diagnostics.get(f"hardware_bridge: {part}")
-        return {} if status is None else {pair.key: pair.value for pair in status.values}
-
     def distance_m(self) -> tuple[float, float] | None:
         """Mean and largest distance between the twin's and the observed joints now; None if there is no observer."""
         if len(self._joints) < 2:
@@ -176,18 +132,9 @@ class StackClient:
         apart = np.linalg.norm(self._joints["twin/joints"] - self._joints["bridge/observed_joints"], axis=1)
         return float(apart.mean()), float(apart.max())
 
-    def stroke_m(self) -> float:
-        """How far the struts are from mid stroke, as far as is known."""
-        return max((abs(length - MID_M) for message in self.sent[-1:] for length in message.length_m), default=0.0)
-
     def now_ns(self) -> int:
         """ROS time, which stamps are of."""
         return int(self.node.get_clock().now().nanoseconds)
-
-    @staticmethod
-    def stamp_ns(message: Any) -> int:
-        """ROS time of a message, in ns."""
-        return int(message.header.stamp.sec) * 1_000_000_000 + int(message.header.stamp.nanosec)
 
     # ---- waiting ----------------------------------------------------------------------------------------------------
 
@@ -223,36 +170,10 @@ class StackClient:
         heard = ((message.seq, message.robot_time_ns) for message in self.sent[-1000:])
         return (self.twin.last_seq, self.twin.robot_time_ns) in heard
 
-    def is_quiet(self) -> bool:
-        """The last that was seen of the robot is that it rests, and nothing was written since."""
-        return bool(self.rests() and self.observed.face)
-
     def rests(self) -> bool:
-        """The same, wherever it rests: on no face as well."""
+        """The last that was seen of the robot is that it rests, on whatever face or none, and nothing was written since."""
         session, seq = self._wrote
         return bool(self.observed.settled and (self.observed.session != session or self.observed.seq > seq))
-
-    def sees(self, state: str, limit_s: float = 30.0) -> None:
-        """Wait for a state of the bridge."""
-        self.wait(lambda: self.bridge.state == state, f"{state} (now {self.bridge.state}: {self.bridge.reason})", limit_s)
-
-    def moves(self, handle: Any, stroke_m: float) -> None:
-        """Wait until a roll or motion has brought the struts this far from mid stroke; fail with its result if it ends before."""
-        result = self.begun(handle.get_result_async)
-        self.wait(lambda: self.stroke_m() > stroke_m or result.done(), f"motion ({self.feedback})", 30.0)
-        if result.done():
-            raise StackError(f"it ended before the struts moved: {result.result()}")
-
-    def wrote_since(self, began_ns: int) -> bool:
-        """Whether anything was written to the board since then, as the stream tells it up to now."""
-        now_ns = self.now_ns()
-        self.wait(lambda: self.sent and self.stamp_ns(self.sent[-1]) > now_ns, "the next heartbeat")
-        return any(self.stamp_ns(message) > began_ns and not message.heartbeat for message in self.sent)
-
-    def hears_more(self, count: int) -> None:
-        """Wait for so many more events of the bridge's stream."""
-        seq = self.sent[-1].seq if self.sent else 0
-        self.wait(lambda: self.sent and self.sent[-1].seq > seq + count, f"{count} more events of the bridge")
 
     # ---- services ---------------------------------------------------------------------------------------------------
 
@@ -268,19 +189,10 @@ class StackClient:
 
     def arm(self, confirmed_lengths_m: Sequence[float] = ()) -> None:
         """Arm through the planner and wait for the end of homing. StackError with the bridge's reason if refused."""
-        granted(self._call_alone("arm", self._arming(confirmed_lengths_m), ARM_LIMIT_S), "arming was refused")
+        lengths = list(confirmed_lengths_m)
+        request = Arm.Request(holder="operator", lifted_and_clear=True, prototype=self.prototype, confirmed_lengths_m=lengths)
+        granted(self._call_alone("arm", request, ARM_LIMIT_S), "arming was refused")
         self._home()
-
-    def take_lease(self, confirmed_lengths_m: Sequence[float] = (), holder: str = "operator") -> str:
-        """Arm the bridge itself and wait for the end of homing; the lease, which is then kept alive. StackError if refused."""
-        request = self._arming(confirmed_lengths_m, holder)
-        self.lease = granted(self.call("bridge/arm", request, ARM_LIMIT_S), "arming was refused").lease
-        self._home()
-        return self.lease
-
-    def _arming(self, lengths_m: Sequence[float], holder: str = "operator") -> Any:
-        lengths = list(lengths_m)
-        return Arm.Request(holder=holder, lifted_and_clear=True, prototype=self.prototype, confirmed_lengths_m=lengths)
 
     def _home(self) -> None:
         answered = time.monotonic()
@@ -323,36 +235,11 @@ class StackClient:
                 self.wait(lambda: all(future.done() for future in asked), f"the late answers to {name}", LATE_LIMIT_S)
         return next(_shown(future.result()) for future in asked if future.done())
 
-    def trigger_at(self, name: str) -> int:
-        """Call `stop` or `reset` once; the ROS time at which it was called, in ns."""
-        client = self._ready(name)
-        self._timed(lambda: client.call_async(Trigger.Request()), f"an answer to {name}")
-        return self.asked_ns
-
     def _ready(self, name: str) -> Any:
         self.wait(self._clients[name].service_is_ready, f"service {name}", START_LIMIT_S)
         return self._clients[name]
 
     # ---- actions ----------------------------------------------------------------------------------------------------
-
-    def begin_roll(
-        self,
-        target: str,
-        source: str = "",
-        primitive: str = "",
-        tell: Callable[[Any], None] = lambda feedback: None,
-        anyway: bool = False,
-    ) -> Any:
-        """The goal handle of a roll. Args: as in `roll`; and anyway: although rehearsals say that it is unlikely to work."""
-        self.feedback.clear()
-
-        def note(feedback: Any) -> None:
-            if not self.feedback or self.feedback[-1] != feedback.phase:
-                self.feedback.append(feedback.phase)
-            tell(feedback)
-
-        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive, anyway=anyway)
-        return self.send(self._roll, goal, "roll", note)
 
     def roll(
         self,
@@ -373,7 +260,8 @@ class StackClient:
             limit_s: of the whole roll.
             watch: called all the while; may raise KeyboardInterrupt.
         """
-        return self._whole(self.begin_roll(target, source, primitive, tell), "roll", limit_s, watch)
+        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive)
+        return self._whole(self.send(self._roll, goal, "roll", tell), "roll", limit_s, watch)
 
     def travel(
         self, place_m: tuple[float, float], reach_m: float, most_rolls: int, tell: Callable[[Any], None], limit_s: float
@@ -403,52 +291,7 @@ class StackClient:
 
     def cancel(self, handle: Any) -> Any:
         """The answer to a call that cancels an action."""
-        return self._timed(handle.cancel_goal_async, "an answer to cancel")
-
-    def begin_motion(
-        self,
-        *knots: tuple[float, list[float]],
-        lease: str = "",
-        age_s: float = 0.0,
-        names: Any = None,
-        library_hash: str = "",
-        once: bool = False,
-    ) -> Any:
-        """The goal handle of a motion of the struts; knots are (time in s, six rest lengths in m).
-
-        It is under way or refused when this returns: a motion that the bridge took longer to judge than its stamp is good for is
-        sent again. Not with an age of its own, or `once`.
-        """
-        trajectory = JointTrajectory(joint_names=names or STRUT_NAMES)
-        for time_s, lengths_m in knots:
-            point = JointTrajectoryPoint(positions=lengths_m)
-            point.time_from_start.sec, point.time_from_start.nanosec = divmod(round(time_s * 1e9), 1_000_000_000)
-            trajectory.points.append(point)
-        goal = ExecuteStruts.Goal(trajectory=trajectory, lease=lease, library_hash=library_hash)
-        running = threading.Event()
-
-        def send() -> Any:
-            self.asked_ns = self.now_ns()
-            seconds, nanoseconds = divmod(self.asked_ns - round(age_s * 1e9), 1_000_000_000)
-            trajectory.header.stamp.sec, trajectory.header.stamp.nanosec = seconds, nanoseconds
-            return self._struts.send_goal_async(goal, feedback_callback=lambda _: running.set())
-
-        self.wait(self._struts.server_is_ready, "the bridge's action execute_struts", START_LIMIT_S)
-        for _ in range(MOST_SENDS):
-            running.clear()
-            handle = self.result(self.begun(send), "an answer to execute_struts")
-            if once or age_s or not handle.accepted:
-                break
-            ended = self.begun(handle.get_result_async)
-            over = lambda ended=ended: running.is_set() or ended.done()  # noqa: E731
-            self.wait(over, "a verdict on a motion", JUDGING_LIMIT_S)
-            if running.is_set() or not may_be_sent_again(ended.result().result.reason):
-                break
-        return handle
-
-    def move(self, *knots: tuple[float, list[float]], **options: Any) -> Any:
-        """The result of a whole motion of the struts."""
-        return self.end(self.begin_motion(*knots, **options)).result
+        return self.result(self.begun(handle.cancel_goal_async), "an answer to cancel")
 
     # ---- calls from the executor's thread ---------------------------------------------------------------------------
 
@@ -458,15 +301,6 @@ class StackClient:
         send = partial(client.send_goal_async, goal, feedback_callback=lambda message: tell(message.feedback))
         return self.result(self.begun(send), f"an answer to {name}")
 
-    def _timed(self, call: Callable[[], Any], what: str) -> Any:
-        """The answer of a call, whose time is kept in `asked_ns`."""
-
-        def ask() -> Any:
-            self.asked_ns = self.now_ns()
-            return call()
-
-        return self.result(self.begun(ask), what)
-
     def begun(self, call: Callable[[], Any]) -> Any:
         """The future of a call's answer: from another thread, that can arrive before rclpy knows that somebody waits for it."""
 
@@ -474,10 +308,6 @@ class StackClient:
             return await call()
 
         return self._spinner.executor.create_task(ask)
-
-    def in_executor(self, act: Callable[[], Any]) -> Any:
-        """What an act returns. What is destroyed from another thread may be waited on, and would end the executor."""
-        return self.result(self._spinner.executor.create_task(act), "the executor's attention")
 
     def result(self, future: Any, what: str, limit_s: float = ANSWER_LIMIT_S, watch: Callable[[], None] = lambda: None) -> Any:
         """What a future holds at last. Args: watch: called all the while."""

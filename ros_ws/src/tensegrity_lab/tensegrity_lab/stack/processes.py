@@ -4,7 +4,6 @@
 import os
 import signal
 import subprocess
-import sys
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -191,24 +190,6 @@ class Stack:
 
     def __exit__(self, *details: object) -> None:
         self.stop()
-
-
-class IsolatedStack(Stack):
-    """A stack whose logs, state, bags and ROS domain are its own. Attributes: bags: folder of its bags."""
-
-    def __init__(self, folder: Path, domain: int, locks: Sequence[int] = ()):
-        self.bags = folder / "bags"
-        environ = {
-            "SIXSTRUT_STATE_DIR": str(folder / "state"),
-            "SIXSTRUT_BAGS": str(self.bags),
-            "ROS_DOMAIN_ID": str(domain),
-            "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        }
-        super().__init__(folder, *locks, environ=environ, work_folder=folder)
-
-    def command(self, *words: str) -> Process:
-        """Start a `sixstrut` command beside them."""
-        return self.start(words[0], [sys.executable, "-m", "sixstrut_cli", *words])
 
 
 def wait_until(condition: Callable[[], object], limit_s: float, what: str, stack: Stack | None = None) -> None:

@@ -64,7 +64,7 @@ def private_domain(wanted: int | None = None) -> Iterator[Domain]:
         for name in WIDER:
             os.environ.pop(name, None)
         os.environ[RANGE] = "LOCALHOST"
-        lock, number = _free() if wanted is None else (_wanted(wanted), wanted)
+        lock, number = free_lock() if wanted is None else (_wanted(wanted), wanted)
         os.environ[VARIABLE] = str(number)
         with closing(lock):
             yield Domain(number, (lock.fileno(),))
@@ -85,14 +85,6 @@ def robot_domain(wanted: int | None = None) -> Iterator[Domain]:
     with _environment():
         os.environ[VARIABLE] = str(number)
         yield Domain(number, ())
-
-
-@contextmanager
-def free_domain() -> Iterator[int]:
-    """A domain that nobody else uses, ours while the block lasts; the environment stays as it is. Raises StackError."""
-    lock, number = _free()
-    with closing(lock):
-        yield number
 
 
 def _exported(environ: Mapping[str, str]) -> int | None:
@@ -126,7 +118,8 @@ def _environment() -> Iterator[None]:
                 os.environ[name] = before[name]
 
 
-def _free() -> tuple[socket.socket, int]:
+def free_lock() -> tuple[socket.socket, int]:
+    """The lock of a domain that nobody else uses, and its number. Raises StackError: there is none."""
     inhabited = _inhabited()
     for number in random.SystemRandom().sample(DRAWN, len(DRAWN)):
         if number not in inhabited and (lock := _lock(number)) is not None:

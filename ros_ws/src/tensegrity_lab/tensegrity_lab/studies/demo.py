@@ -14,6 +14,7 @@ from rich.console import Console
 from hardware_bridge.recording.bag_on_disk import file_of
 from hardware_bridge.recording.bag_reader import read_session
 from hardware_bridge.recording.bag_types import TOPICS
+from sim_core.files.places import seen_from_here
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
 from sim_core.structure.symmetry import GROUP, carrier
@@ -36,10 +37,6 @@ MISSES_ALLOWED = 3
 CONSOLE_LIMIT_S = 60.0
 
 
-def _interrupt(_number: int, _frame: Any) -> None:
-    raise KeyboardInterrupt
-
-
 class Demo:
     """A number of rolls of a virtual robot."""
 
@@ -51,7 +48,7 @@ class Demo:
 
     def run(self) -> int:
         """Returns 0 if every roll asked for succeeded, or if the user stopped it; 1 if not. Raises StackError at the end."""
-        signal.signal(signal.SIGTERM, _interrupt)
+        signal.signal(signal.SIGTERM, signal.default_int_handler)
         show, stopped, stack = self._console.print, False, None
         trouble: StackError | None = None
         try:
@@ -179,11 +176,6 @@ class Demo:
         if not any(True for _ in session.of("bridge/struts_sent")):
             return
         result = replay(session)
-        show(f"replay it: ./sixstrut replay {_short(bag)}   (twin's final state {result.digest[:16]}…)")
+        show(f"replay it: ./sixstrut replay {seen_from_here(bag)}   (twin's final state {result.digest[:16]}…)")
         if picture := session_picture(session, result, bag.with_suffix(".png")):
             show(f"picture: {picture.resolve()}")
-
-
-def _short(path: Path) -> Path:
-    """Relative to where the user is, if below it."""
-    return path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a person at a terminal sees and presses.
-
-May import `errors` only.
-"""
+"""What a person at a terminal sees and presses."""

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Running a session of trials.
-
-May import every room here.
-"""
+"""Running a session of trials."""

@@ -18,7 +18,7 @@ from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.prototype_client.handshake import read_handshake
 from sim_core.dynamics.actuators import require_actuators
 from sim_core.dynamics.model import build_model
-from sim_core.files.places import folder_problem
+from sim_core.files.places import folder_problem, seen_from_here
 from sim_core.gaits.library import Library, load_library
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
@@ -104,7 +104,7 @@ def run(asked: TrialRequest) -> int:
     begun = None if is_session(path) else _planned(asked, path, console)
     path.mkdir(parents=True, exist_ok=True)  # not before the plan is valid
     for number in (signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, _interrupt)
+        signal.signal(number, signal.default_int_handler)
     with locked(path, console.print) as lock:
         folder = _open(asked, path) if begun is None or is_session(path) else begin_session(path, *begun)
         return _Run(asked, folder, console).run(lock)
@@ -244,7 +244,7 @@ class _Run:
                 codes = lab.stop()
         for name, code in codes.items():
             if code != 0:
-                show(f"warning: {name} ended with exit code {code}; its log is below {_short(folder.path)}")
+                show(f"warning: {name} ended with exit code {code}; its log is below {seen_from_here(folder.path)}")
         return self._end()
 
     def _hands(self, keys: Keys | None, panel: Panel) -> Hands:
@@ -256,7 +256,7 @@ class _Run:
 
     def _end(self) -> int:
         """Tell what is done and what comes next; the exit code."""
-        standing, show, path = self._ledger.standing(), self._console.print, _short(self._folder.path)
+        standing, show, path = self._ledger.standing(), self._console.print, seen_from_here(self._folder.path)
         left = due_of(self._folder.plan, standing.done())
         count = len(standing.valid)
         rate = f", {standing.successes} of {count} succeeded" if count else ""
@@ -269,18 +269,9 @@ class _Run:
         return EXIT_LEFT if left else 0
 
 
-def _interrupt(_number: int, _frame: Any) -> None:
-    raise KeyboardInterrupt
-
-
 def experimenter() -> str:
     """Who is logged in; "unknown" where nobody has a name."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):
         return "unknown"
-
-
-def _short(path: Path) -> Path:
-    """Relative to where the user is, if below it."""
-    return path.relative_to(Path.cwd()) if path.is_absolute() and path.is_relative_to(Path.cwd()) else path

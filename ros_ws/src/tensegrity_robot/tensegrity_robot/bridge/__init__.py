@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The node `hardware_bridge`: its services, its action, what it publishes and records; and the port's process.
-
-May import `ros`, and of the other packages `hardware_bridge` and `sim_core`.
-"""
+"""The node `hardware_bridge`: its services, its action, what it publishes and records; and the port's process."""

@@ -1,5 +1,2 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the nodes share: parameters, processes, quality of service, exact bytes, discovery.
-
-May import no other room here: the nodes know it, not it them.
-"""
+"""What the nodes share: parameters, processes, quality of service, exact bytes, discovery."""

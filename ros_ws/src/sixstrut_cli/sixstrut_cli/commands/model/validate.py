@@ -11,14 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, output_folder, results_page, say, wrote
+from sixstrut_cli.outputs import announce, import_tests, output_folder, results_page, say, wrote
 
 if TYPE_CHECKING:
-    from sim_core.validation import Case
+    from tests.validation import Case
 
 EXIT_CASE_FAILED = 4
-TOLD = ["name", "checked", "measured", "reference", "unit", "error", "tolerance", "relative", "passed", "source", "note"]
-"""Of a case, with --json."""
 PAGE = "validation.md"
 
 
@@ -39,12 +37,13 @@ def command(
     sixstrut validate --only restitution
     sixstrut validate --only 'elastica*' -o elastica
     """
+    import_tests()
     announce("the solver against closed forms: all cases take a minute or two; Ctrl-C leaves at any time")
     from sim_core.dynamics.model import build_model
     from sim_core.structure.parameters import load_prototype
-    from sim_core.validation import CASES, Setting
-    from tensegrity_lab.reports.validation_page import write_page
     from tensegrity_lab.terminal.progress import bars
+    from tests.validation import CASES, Setting
+    from tests.validation.page import write_page
 
     chosen = [name for name in CASES if only is None or only in name or fnmatch(name, only)]
     if not chosen:
@@ -102,7 +101,7 @@ def _document(results: dict[str, Case], seconds: dict[str, float], model_hash: s
 
 
 def _print_cases(results: dict[str, Case]) -> None:
-    from tensegrity_lab.reports.validation_page import allowed, number, with_unit
+    from tests.validation.page import allowed, number, with_unit
 
     for name, case in results.items():
         result = case.result

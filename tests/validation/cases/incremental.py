@@ -12,9 +12,9 @@ import numpy as np
 
 from sim_core.dynamics import vfife as k
 from sim_core.structure.arrays import Array
-from sim_core.validation.cases.free_body import tumbling
-from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
-from sim_core.validation.harness.run import Run
+from tests.validation.cases.free_body import tumbling
+from tests.validation.harness.case import Case, Comparison, Curve, Picture, Setting
+from tests.validation.harness.run import Run
 
 SECONDS = 0.2
 SAMPLES = 40

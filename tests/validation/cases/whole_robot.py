@@ -18,8 +18,8 @@ from sim_core.structure.policy import lengths_of
 from sim_core.structure.symmetry import GROUP, REFERENCE_TC, REFERENCE_TO
 from sim_core.structure.topology import FACES, JOINTS
 from sim_core.uncertainty.perturbation_law import perturb
-from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
-from sim_core.validation.harness.run import ready
+from tests.validation.harness.case import Case, Comparison, Curve, Picture, Setting
+from tests.validation.harness.run import ready
 
 PAPER_HZ = 4.53
 COUNTS = (1, 2, 4, 8)

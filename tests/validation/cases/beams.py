@@ -9,9 +9,9 @@ import numpy as np
 from sim_core.dynamics import vfife as k
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
-from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
-from sim_core.validation.harness.run import Run, angular_frequency, ready
-from sim_core.validation.harness.test_bodies import Section, chains, held, six_beams, strut_section
+from tests.validation.harness.bodies import Section, chains, held, six_beams, strut_section
+from tests.validation.harness.case import Case, Comparison, Curve, Picture, Setting
+from tests.validation.harness.run import Run, angular_frequency, ready
 
 COUNTS = (2, 3, 4, 6, 8, 16)
 BAR_COUNTS = (1, 2, 3, 4, 6, 8)

@@ -16,7 +16,7 @@ from sim_core.rolling.roll import RollResult
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.policy import checked_policy
 from sim_core.structure.roll_classes import TC_TO, TO_TC
-from sim_core.validation.harness.case import Case, Comparison, Setting
+from tests.validation.harness.case import Case, Comparison, Setting
 
 FINER = 8
 STIFFER = 10.0

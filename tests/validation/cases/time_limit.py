@@ -14,8 +14,8 @@ from sim_core.dynamics.robot import Robot
 from sim_core.dynamics.stability import largest_stable_step_s
 from sim_core.dynamics.vibration_modes import REFERENCE_FACE
 from sim_core.structure.parameters import Prototype
-from sim_core.validation.harness.case import Case, Comparison, Setting
-from sim_core.validation.harness.run import Run
+from tests.validation.harness.case import Case, Comparison, Setting
+from tests.validation.harness.run import Run
 
 GROWTH = 1e3
 """A run whose fastest particle gets so much faster than it was first has diverged."""

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from sim_core.structure.parameters import load_prototype
-from sim_core.validation import CASES, TOPICS, Comparison, Setting
+from tests.validation import CASES, TOPICS, Comparison, Setting
 
 
 @pytest.fixture(scope="module")

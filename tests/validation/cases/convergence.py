@@ -9,11 +9,11 @@ from scipy.integrate import solve_ivp
 from sim_core.dynamics import vfife as k
 from sim_core.structure.arrays import Array
 from sim_core.structure.rotations import matrix_of
-from sim_core.validation.cases.free_body import OWN_SPIN_RAD_S, tumbling
-from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
-from sim_core.validation.harness.reference import motion
-from sim_core.validation.harness.run import Run, ready
-from sim_core.validation.harness.test_bodies import bodies
+from tests.validation.cases.free_body import OWN_SPIN_RAD_S, tumbling
+from tests.validation.harness.bodies import bodies
+from tests.validation.harness.case import Case, Comparison, Curve, Picture, Setting
+from tests.validation.harness.reference import motion
+from tests.validation.harness.run import Run, ready
 
 STEPS = (200, 400, 800, 1600)
 ROBOT_S = 0.01

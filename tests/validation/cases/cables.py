@@ -7,9 +7,9 @@ import numpy as np
 
 from sim_core.dynamics import vfife as k
 from sim_core.structure.elements import elements_of
-from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
-from sim_core.validation.harness.run import Run, ready
-from sim_core.validation.harness.test_bodies import CLAMP, bodies
+from tests.validation.harness.bodies import CLAMP, bodies
+from tests.validation.harness.case import Case, Comparison, Curve, Picture, Setting
+from tests.validation.harness.run import Run, ready
 
 STRETCHES = np.array([0.02, 0.04, 0.08, 0.12, 0.16, 0.2])
 """First stretch of six ropes, per rest length."""

@@ -5,8 +5,8 @@ import json
 
 import pytest
 
-from sim_core.validation import CASES, Case, Comparison, Curve, Picture
 from sixstrut_cli import app
+from tests.validation import CASES, Case, Comparison, Curve, Picture
 
 
 def fake(measured):
@@ -51,6 +51,7 @@ def test_the_repositorys_page_is_written_only_if_asked_for_and_only_whole(quick,
     quick(block_sliding_to_rest=1.0, energy=1.5)
     monkeypatch.setenv("SIXSTRUT_ROOT", str(tmp_path))
     monkeypatch.chdir(tmp_path)
+    (tmp_path / "tests").mkdir()
     assert app.run(["validate", "--page", "--only", "block*"]) == 2
     assert "leave --only and --prototype out" in " ".join(capsys.readouterr().err.replace("│", " ").split())
     assert app.run(["validate", "--page"]) == 2, "no repository"

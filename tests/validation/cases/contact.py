@@ -13,9 +13,9 @@ from sim_core.structure.arrays import Array
 from sim_core.structure.elements import Elements
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.topology import POINTS_PER_JOINT
-from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
-from sim_core.validation.harness.run import Run
-from sim_core.validation.harness.test_bodies import bodies
+from tests.validation.harness.bodies import bodies
+from tests.validation.harness.case import Case, Comparison, Curve, Picture, Setting
+from tests.validation.harness.run import Run
 
 HALF_M, HEIGHT_M = 0.03, 0.005
 """Half side of the block's square sole, and its centre of mass above it."""

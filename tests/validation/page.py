@@ -4,16 +4,16 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from sim_core.validation import TOPICS, Case, Comparison, Picture
 from tensegrity_lab.reports.figure import STRUT_COLORS, new_figure, picture_file
 from tensegrity_lab.reports.markdown import table
+from tests.validation import TOPICS, Case, Comparison, Picture
 
 MARKERS = "os^Dv"
 
 
-def number(value: float, digits: int = 6) -> str:
+def number(value: float) -> str:
     """A measured number for people; a plain zero."""
-    return "0" if value == 0.0 else f"{value:.{digits}g}"
+    return "0" if value == 0.0 else f"{value:.6g}"
 
 
 def with_unit(value: float, unit: str) -> str:
@@ -76,7 +76,7 @@ def write_page(path: Path, cases: Mapping[str, Case], model_hash: str, steps_per
         "# Validation",
         "",
         "The solver against closed forms and independent computations. This page is written by `./sixstrut validate --page`; do",
-        "not edit it, run the command again. The same cases are tests (`./sixstrut test tests/sim_core/validation`). They check",
+        "not edit it, run the command again. The same cases are tests (`./sixstrut test tests/validation`). They check",
         "the solver against mechanics; they say nothing about how near the model's stand-in numbers are to your robot.",
         "",
         f"**{passed} of {len(cases)} cases hold.** Model `{model_hash}`, {steps_per_second} steps per second. Mass damping ζ is",

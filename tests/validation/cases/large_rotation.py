@@ -14,9 +14,9 @@ from scipy.special import ellipeinc, ellipkinc
 
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
-from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
-from sim_core.validation.harness.run import Run, ready
-from sim_core.validation.harness.test_bodies import Section, chains, held, six_beams
+from tests.validation.harness.bodies import Section, chains, held, six_beams
+from tests.validation.harness.case import Case, Comparison, Curve, Picture, Setting
+from tests.validation.harness.run import Run, ready
 
 BEAM = Section(length_m=1.0, ea_n=1e5, ei_n_m2=1.0, gj_n_m2=1.0, mass_kg=1.0, radius_m=5e-3)
 """A slender beam in round numbers: EA L²/EI is so large that it hardly stretches."""

@@ -12,9 +12,9 @@ from sim_core.dynamics.model import build_model
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.rotations import matrix_of
-from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
-from sim_core.validation.harness.reference import elastic_energy, kinetic_energy
-from sim_core.validation.harness.run import Run
+from tests.validation.harness.case import Case, Comparison, Curve, Picture, Setting
+from tests.validation.harness.reference import elastic_energy, kinetic_energy
+from tests.validation.harness.run import Run
 
 SPIN_RAD_S = np.array([1.0, -2.0, 3.0])
 DRIFT_M_S = np.array([0.03, -0.02, 0.01])

@@ -11,7 +11,7 @@ from inspect import isfunction
 from types import ModuleType
 from typing import NamedTuple
 
-from sim_core.validation.cases import (
+from tests.validation.cases import (
     beams,
     cables,
     contact,
@@ -23,7 +23,7 @@ from sim_core.validation.cases import (
     time_limit,
     whole_robot,
 )
-from sim_core.validation.harness.case import Case, Comparison, Curve, Picture, Setting
+from tests.validation.harness.case import Case, Comparison, Curve, Picture, Setting
 
 __all__ = ["CASES", "TOPICS", "Case", "Comparison", "Curve", "Picture", "Setting", "Topic"]
 
