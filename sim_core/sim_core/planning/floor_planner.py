@@ -35,7 +35,8 @@ EDGE_M = 0.02
 """Chains are planned so far inside of the keep-in area: it is judged again from where the robot is found."""
 CELL_M, CELL_RAD = 0.01, math.radians(10.0)
 """Stances nearer than this to each other are taken for one."""
-MOST_STANCES = 50_000
+MOST_STANCES, MOST_STRIDING = 50_000, 15_000
+"""Of a search for a way; chains make it wider."""
 TACKS = (1.0, 1.25, 1.5, 2.0, 3.0)
 """How much longer than straight a way uphill is thought of being."""
 Lean = tuple[float, float]
@@ -177,7 +178,7 @@ class Floor:
         costs = {(_cell(start), ""): 0.0}
         queue = [(ahead(start), 0)]
         nearest, closed = 0, set[tuple[tuple[str, int, int, int], str]]()
-        while queue and len(nodes) < MOST_STANCES:
+        while queue and len(nodes) < (MOST_STRIDING if strides else MOST_STANCES):
             _, number = heapq.heappop(queue)
             stance = nodes[number].stance
             before = nodes[nodes[number].before].stance.face if nodes[number].on else ""

@@ -68,6 +68,7 @@ class Journey:
     """One travel.
 
     Attributes:
+        area: that it may not leave; None: it may go anywhere.
         rolls: made.
         chained: of these, how many in chains.
         missed: of these, how many ended elsewhere.
@@ -86,8 +87,8 @@ class Journey:
         rules: TravelRules,
         area: KeepIn | None = None,
     ):
-        """Args: counts: of the library's gaits; None: none are known. area: that it may not leave; None: it may go anywhere."""
-        self._outside_m = area.outside_m if area is not None else None
+        """Args: counts: of the library's gaits; None: none are known. area: see Journey."""
+        self.area = area
         self._cycle = library.cycles[0] if library.cycles else None
         self._strides = _strides(self._cycle) if self._cycle is not None else {}
         self._floor, self._library, self._goal_m, self._rules = floor, library, goal_m, rules
@@ -123,12 +124,15 @@ class Journey:
         self._come_to(stance)
         if end := self._end():
             return end
+        if self._vain:
+            longest = 0  # after a miss a plain roll tells whether it was the cycle or the ground
         longest = min(longest, self._rules.most_rolls - self.rolls - self.refused) // 2 * 2
         strides = self._believed_strides() if longest else {}
+        outside_m = self.area.outside_m if self.area is not None else None
         lean, reach_m = self._experience.lean, self._rules.reach_m
         left = f"{100 * self.left_m:.0f} cm from the goal"
         try:
-            way = self._floor.way(stance, self._goal_m, self._graph, reach_m, lean, self._climbs_deg, strides, self._outside_m)
+            way = self._floor.way(stance, self._goal_m, self._graph, reach_m, lean, self._climbs_deg, strides, outside_m)
         except SimError as error:
             return JourneyEnd(False, f"gave up {left}: {error}")
         if not way.choices:
