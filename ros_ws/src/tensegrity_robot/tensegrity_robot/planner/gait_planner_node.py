@@ -172,6 +172,8 @@ class GaitPlannerNode(Node):
         topics.BRIDGE_FACE.subscribe(self, lambda event: live(event, self._on_face))
         topics.TWIN_STATE.subscribe(self, self._on_twin)
         self._joints = ToldJoints(self)
+        topics.TWIN_JOINTS.subscribe(self, self._joints.predict)
+        topics.OBSERVED_JOINTS.subscribe(self, self._joints.see)
         self._lease = Lease(self, self._look, p.prototype)
         self._struts = ActionClient(self, ExecuteStruts, "execute_struts")
         self._rehearsals = topics.REHEARSAL.publisher(self)

@@ -118,6 +118,8 @@ class TravellerNode(Node):
         topics.BRIDGE_FACE.subscribe(self, lambda event: live.takes(event, keep("_face")))
         topics.TWIN_STATE.subscribe(self, keep("_twin"))
         self._told_joints = ToldJoints(self)
+        topics.TWIN_JOINTS.subscribe(self, self._told_joints.predict)
+        topics.OBSERVED_JOINTS.subscribe(self, self._told_joints.see)
         topics.KEEP_IN.subscribe(self, self._on_area)
         topics.GOAL_POSE.subscribe(self, self._on_goal_pose)
         self._path = topics.TRAVEL_PATH.publisher(self)
