@@ -138,7 +138,13 @@ class Move:
 
 @dataclass(frozen=True)
 class RollOutcome:
-    """The roll is over. `completed`: all motions were made and the robot was judged. `rolls`: how many faces on it came."""
+    """The roll is over.
+
+    Attributes:
+        completed: all motions were made and the robot was judged.
+        rolls: how many faces on it came.
+        ended_early: of a chain: it was ended in neutral before its last face, though no roll had missed.
+    """
 
     success: bool
     reason: str
@@ -148,6 +154,7 @@ class RollOutcome:
     duration_s: float
     completed: bool = True
     rolls: int = 0
+    ended_early: bool = False
 
 
 @dataclass
@@ -171,6 +178,7 @@ class RollSequence:
     _link_ns: int = 0
     _landed_ns: int | None = None
     _ends_early: str = ""
+    _ended_early: bool = False
 
     def begin(self, view: View) -> Move:
         """The first move. Raises RollRefused: the face is not known, or no plan leads from it."""
@@ -198,13 +206,19 @@ class RollSequence:
         """While it rolls on: the face that is to come; else empty."""
         return self.plan.links[self._link].onto if self.plan is not None and self.phase is Phase.ROLL_ON else ""
 
+    @property
+    def coming(self) -> tuple[str, ...]:
+        """While it rolls on: the faces that are to come."""
+        return tuple(link.onto for link in self.plan.links[self._link :]) if self.plan is not None and self.next_face else ()
+
     def end_early(self, reason: str) -> None:
         """A chain goes to neutral on the next TC, and ends there for this reason."""
         self._ends_early = self._ends_early or reason
 
-    def give_up(self, reason: str) -> Move:
-        """The next motion of a chain cannot be: back to neutral."""
+    def give_up(self, reason: str, missed: bool = True) -> Move:
+        """The next motion of a chain cannot be: back to neutral. `missed`: since a roll did."""
         self._fail(reason)
+        self._ended_early = not missed
         return self._move(Phase.RETURN, self.rules.neutral_m, overtakes=True)
 
     def look(self, view: View) -> Move | RollOutcome | None:
@@ -248,6 +262,7 @@ class RollSequence:
             duration_s=(self._moved_ns - began_ns) * 1e-9,
             completed=not reason and self.phase in (Phase.RETURN_SETTLE, Phase.CONFIRM),
             rolls=self.rolls,
+            ended_early=self._ended_early,
         )
 
     # ---- parts ------------------------------------------------------------------------------------------------------
@@ -265,7 +280,7 @@ class RollSequence:
         assert self.plan is not None
         on_tc = self._link >= 0 and self.plan.links[self._link].onto.startswith("TC")
         if on_tc and self._ends_early and self._link + 1 < len(self.plan.links):
-            return self.give_up(f"ended on {self.plan.links[self._link].onto}: {self._ends_early}")
+            return self.give_up(f"ended on {self.plan.links[self._link].onto}: {self._ends_early}", missed=False)
         if self._link + 1 == len(self.plan.links):
             return self._move(Phase.RETURN, self.rules.neutral_m, overtakes=True)
         self._link += 1

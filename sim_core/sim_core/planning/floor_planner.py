@@ -8,6 +8,8 @@ they are. So a *stance* (face, heading, place) and an edge give the next stance,
 import heapq
 import math
 from collections.abc import Callable, Mapping, Sequence
+from itertools import takewhile
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -27,15 +29,22 @@ REACH_M = 0.08
 """Default distance from the goal that counts as there: a roll goes about so far, so no route can promise to come much nearer."""
 ROLL_COST = 0.02
 """What a sure roll costs beside its improbability, as −log: of equally likely routes the shorter one."""
+ON_COST = 0.01
+"""Likewise of a roll of a chain, which needs about half the time."""
+EDGE_M = 0.02
+"""Chains are planned so far inside of the keep-in area: it is judged again from where the robot is found."""
 CELL_M, CELL_RAD = 0.01, math.radians(10.0)
 """Stances nearer than this to each other are taken for one."""
-MOST_STANCES = 50_000
+MOST_STANCES, MOST_STRIDING = 50_000, 15_000
+"""Of a search for a way; chains make it wider."""
 TACKS = (1.0, 1.25, 1.5, 2.0, 3.0)
 """How much longer than straight a way uphill is thought of being."""
 Lean = tuple[float, float]
 """Which way the ground leans, a vector that points downhill: a roll in the direction of the unit vector u, by a gait that climbs s
 degrees, is likelier than on level ground by lean·u/s logits."""
 LEVEL: Lean = (0.0, 0.0)
+Strides = Mapping[tuple[str, str, str], tuple[Choice, Choice]]
+"""Two rolls of a chain, by (TO before the TC that it stands on, or "" at rest; this TC; the next TO)."""
 
 
 class Stance(NamedTuple):
@@ -66,6 +75,7 @@ class Way(NamedTuple):
         probability: that all of them work at first try, taken as independent.
         left_m: distance from the goal at the end.
         reaches: it is within what was asked for.
+        on: so many of the first rolls are a chain.
     """
 
     stances: tuple[Stance, ...]
@@ -73,6 +83,16 @@ class Way(NamedTuple):
     probability: float
     left_m: float
     reaches: bool
+    on: int = 0
+
+
+class _Node(NamedTuple):
+    """A stance that a way may come to; `on`: by a chain that may go on."""
+
+    stance: Stance
+    before: int
+    choice: Choice | None
+    on: bool = False
 
 
 class Floor:
@@ -126,19 +146,24 @@ class Floor:
         reach_m: float = REACH_M,
         lean: Lean = LEVEL,
         climbs_deg: Callable[[Gait], float] = usual_deg,
+        strides: Strides = MappingProxyType({}),
+        outside_m: Callable[[Array], float] | None = None,
     ) -> Way:
         """The likeliest rolls to within `reach_m` of a goal (A* over stances, by −log of their probability and length).
 
         If none of MOST_STANCES looked at is that near, the way to the nearest one. On ground that leans, a gait that climbs steeper
-        (`climbs_deg`) is preferred uphill.
+        (`climbs_deg`) is preferred uphill. `strides`: what a cycle rolls on by. `outside_m`: how far joints, (12, 2), are outside
+        of where the robot may be: no roll leads there, or farther there.
 
         Raises:
             LibraryError: the library has no gait from there.
         """
         best = {pair: _undominated(graph.choices(*pair), climbs_deg, lean) for pair in self._moves}
-        ways = [one for ones in best.values() for one in ones]
-        surest = max((choice.probability for choice, _ in ways), default=1.0)
-        climbs = [deg for _, deg in ways] or [1.0]
+        kinds = (
+            (ROLL_COST, [one for ones in best.values() for one in ones]),
+            (ON_COST, [(choice, climbs_deg(choice.gait)) for stride in strides.values() for choice in stride]),
+        )
+        surest = [(cost, max(choice.probability for choice, _ in ways), [deg for _, deg in ways]) for cost, ways in kinds if ways]
 
         def ahead(stance: Stance) -> float:
             left_m = stance.distance_m(goal_m)
@@ -146,54 +171,84 @@ class Floor:
                 return 0.0
             rolls = (left_m - reach_m) / self.longest_m
             x, y = (goal_m[0] - stance.x_m) / left_m, (goal_m[1] - stance.y_m) / left_m
-            down = lean[0] * x + lean[1] * y
-            return _least_cost(rolls, surest, down / (max(climbs) if down < 0.0 else min(climbs)))
+            down, steepest = lean[0] * x + lean[1] * y, max if lean[0] * x + lean[1] * y < 0.0 else min
+            return min((_least_cost(rolls, cost, sure, down / steepest(degs)) for cost, sure, degs in surest), default=0.0)
 
-        nodes: list[tuple[Stance, int, Choice | None]] = [(start, -1, None)]
-        costs = {_cell(start): 0.0}
+        nodes = [_Node(start, -1, None)]
+        costs = {(_cell(start), ""): 0.0}
         queue = [(ahead(start), 0)]
-        nearest, closed = 0, set[tuple[str, int, int, int]]()
-        while queue and len(nodes) < MOST_STANCES:
+        nearest, closed = 0, set[tuple[tuple[str, int, int, int], str]]()
+        while queue and len(nodes) < (MOST_STRIDING if strides else MOST_STANCES):
             _, number = heapq.heappop(queue)
-            stance = nodes[number][0]
-            cell = _cell(stance)
+            stance = nodes[number].stance
+            before = nodes[nodes[number].before].stance.face if nodes[number].on else ""
+            cell = _cell(stance), before
             if cell in closed:
                 continue
             closed.add(cell)
-            if stance.distance_m(goal_m) < nodes[nearest][0].distance_m(goal_m):
+            if stance.distance_m(goal_m) < nodes[nearest].stance.distance_m(goal_m):
                 nearest = number
             if stance.distance_m(goal_m) <= reach_m:
                 return self._way(nodes, number, goal_m, reach_m)
-            for target in NEIGHBOURS[stance.face]:
-                heading = self.heading_rad(stance, target)
-                down = lean[0] * math.cos(heading) + lean[1] * math.sin(heading)
-                likely = [(_leaned(choice.probability, down / deg), choice) for choice, deg in best[stance.face, target]]
-                here, choice = max(likely, key=lambda one: one[0], default=(0.0, None))
-                if here <= 0.0 or choice is None:
+            moves = [[best[stance.face, target]] for target in NEIGHBOURS[stance.face]]
+            pairs = (strides.get((before, stance.face, target), ()) for target in NEIGHBOURS[stance.face])
+            moves += [[[(choice, climbs_deg(choice.gait))] for choice in pair] for pair in pairs if pair]
+            for rolls in moves:
+                cost, made = self._moved(stance, costs[cell], rolls, lean, outside_m)
+                if not made:
                     continue
-                there = self.rolled(stance, target)
-                cost = costs[cell] + ROLL_COST - math.log(here)
-                if cost < costs.get(_cell(there), math.inf):
-                    costs[_cell(there)] = cost
-                    nodes.append((there, number, choice._replace(probability=here)))
-                    heapq.heappush(queue, (cost + ahead(there), len(nodes) - 1))
+                on = len(made) > 1
+                reached = _cell(made[-1][0]), made[0][0].face if on else ""
+                if cost < costs.get(reached, math.inf):
+                    costs[reached] = cost
+                    nodes.append(_Node(made[0][0], number, made[0][1], on))
+                    nodes.extend(_Node(there, len(nodes) - 1, choice, on) for there, choice in made[1:])
+                    heapq.heappush(queue, (cost + ahead(made[-1][0]), len(nodes) - 1))
         if len(nodes) == 1:
             raise LibraryError(f"library {graph.library.name} has no gait from {start.face}")
         return self._way(nodes, nearest, goal_m, reach_m)
 
-    def _way(self, nodes: list[tuple[Stance, int, Choice | None]], end: int, goal_m: tuple[float, float], reach_m: float) -> Way:
-        stances: list[Stance] = []
-        choices: list[Choice] = []
-        number = end
+    def _moved(
+        self,
+        stance: Stance,
+        cost: float,
+        rolls: Sequence[Sequence[tuple[Choice, float]]],
+        lean: Lean,
+        outside_m: Callable[[Array], float] | None,
+    ) -> tuple[float, list[tuple[Stance, Choice]]]:
+        """What a roll, or the two of a stride, add to a cost, and where they lead by which of their choices; none: nowhere."""
+        made: list[tuple[Stance, Choice]] = []
+        on = len(rolls) > 1
+        for choices in rolls:
+            likely = [(self._likely(stance, choice, deg, lean), choice) for choice, deg in choices]
+            here, choice = max(likely, key=lambda one: one[0], default=(0.0, None))
+            if here <= 0.0 or choice is None:
+                return cost, []
+            there = self.rolled(stance, choice.gait.target)
+            if outside_m is not None:
+                out_m = outside_m(self.joints_m(there))
+                if out_m > (-EDGE_M if on else 0.0) and (on or out_m >= outside_m(self.joints_m(stance))):
+                    return cost, []
+            cost, stance = cost + (ON_COST if on else ROLL_COST) - math.log(here), there
+            made.append((there, choice._replace(probability=here)))
+        return cost, made
+
+    def _likely(self, stance: Stance, choice: Choice, deg: float, lean: Lean) -> float:
+        """Probability of a gait that climbs so steep, where the ground leans."""
+        heading = self.heading_rad(stance, choice.gait.target)
+        return _leaned(choice.probability, (lean[0] * math.cos(heading) + lean[1] * math.sin(heading)) / deg)
+
+    def _way(self, nodes: list[_Node], end: int, goal_m: tuple[float, float], reach_m: float) -> Way:
+        way, number = list[_Node](), end
         while number >= 0:
-            stance, before, choice = nodes[number]
-            stances.append(stance)
-            if choice is not None:
-                choices.append(choice)
-            number = before
-        left = nodes[end][0].distance_m(goal_m)
-        probability = math.prod(choice.probability for choice in choices)
-        return Way(tuple(reversed(stances)), tuple(reversed(choices)), probability, left, left <= reach_m)
+            way.append(nodes[number])
+            number = nodes[number].before
+        way.reverse()
+        choices = tuple(node.choice for node in way if node.choice is not None)
+        left = nodes[end].stance.distance_m(goal_m)
+        probability = math.prod(choice.probability for choice in reversed(choices))
+        on = len(list(takewhile(lambda node: node.on, way[1:])))
+        return Way(tuple(node.stance for node in way), choices, probability, left, left <= reach_m, on)
 
 
 def _undominated(choices: Sequence[Choice], climbs_deg: Callable[[Gait], float], lean: Lean) -> list[tuple[Choice, float]]:
@@ -223,14 +278,14 @@ def _cell(stance: Stance) -> tuple[str, int, int, int]:
     return stance.face, round(stance.x_m / CELL_M), round(stance.y_m / CELL_M), round(stance.yaw_rad / CELL_RAD) % turns
 
 
-def _least_cost(rolls: float, surest: float, logits: float) -> float:
+def _least_cost(rolls: float, roll_cost: float, surest: float, logits: float) -> float:
     """What so many rolls' length straight ahead cost at least, where a roll in that direction is worth `logits` more.
 
     Straight, if that is downhill; uphill also with more rolls that climb less each: costs are convex in the heading, so no zigzag
     is cheaper than all its rolls alike (Jensen), up to the coarseness of TACKS.
     """
     longer = TACKS if logits < 0.0 else TACKS[:1]
-    return min(rolls * n * (ROLL_COST - math.log(max(_leaned(surest, logits / n), 1e-6))) for n in longer)
+    return min(rolls * n * (roll_cost - math.log(max(_leaned(surest, logits / n), 1e-6))) for n in longer)
 
 
 def _leaned(probability: float, logits: float) -> float:

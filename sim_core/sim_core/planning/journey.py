@@ -2,15 +2,21 @@
 """Where to roll next on the way to a place on the floor, and when to give up. Knows no ROS and no clock."""
 
 from collections import Counter
+from itertools import product
 from typing import NamedTuple
 
 from sim_core.errors import SimError
 from sim_core.gaits.climb_limits import load_climbs, usual_deg
-from sim_core.gaits.library import Gait, Library
+from sim_core.gaits.cycle import TURNS, Chain, Cycle, Switches, chain_of, turns_of
+from sim_core.gaits.library import Gait, Library, Primitive
 from sim_core.gaits.success_counts import SuccessCounts
-from sim_core.planning.face_graph import FaceGraph
-from sim_core.planning.floor_planner import Floor, Stance, Way
-from sim_core.planning.travel_learning import Experience
+from sim_core.planning.face_graph import Choice, FaceGraph
+from sim_core.planning.floor_planner import Floor, Stance, Strides, Way
+from sim_core.planning.keep_in import KeepIn
+from sim_core.planning.travel_learning import MOST_SURE, Experience
+from sim_core.structure.roll_classes import class_of
+from sim_core.structure.symmetry import CARRIERS
+from sim_core.structure.topology import FACES, NEIGHBOURS
 
 MOST_MISSES = 10
 """So many rolls in a row that end elsewhere are enough."""
@@ -35,9 +41,9 @@ class TravelRules(NamedTuple):
 
 
 class Step(NamedTuple):
-    """The next roll: a gait, and the way that it is the first roll of."""
+    """The next roll by a gait, or the next chain of rolls; and the way that begins with it."""
 
-    gait: Gait
+    gait: Gait | Chain
     way: Way
 
 
@@ -62,31 +68,49 @@ class Journey:
     """One travel.
 
     Attributes:
+        area: that it may not leave; None: it may go anywhere.
         rolls: made.
+        chained: of these, how many in chains.
         missed: of these, how many ended elsewhere.
         refused: steps that the planner found too unlikely.
-        faces: rested on, the first one first.
-        path_m: from rest to rest.
+        faces: come onto, the first one first.
+        path_m: from rest to rest; of a chain from face to face, as planned.
         straight_m: from the goal at the beginning.
     """
 
     def __init__(
-        self, floor: Floor, library: Library, counts: SuccessCounts | None, goal_m: tuple[float, float], rules: TravelRules
+        self,
+        floor: Floor,
+        library: Library,
+        counts: SuccessCounts | None,
+        goal_m: tuple[float, float],
+        rules: TravelRules,
+        area: KeepIn | None = None,
     ):
+        """Args: counts: of the library's gaits; None: none are known. area: see Journey."""
+        self.area = area
+        self._cycle = library.cycles[0] if library.cycles else None
+        self._strides = _strides(self._cycle) if self._cycle is not None else {}
         self._floor, self._library, self._goal_m, self._rules = floor, library, goal_m, rules
         known, climbs = FaceGraph(library, counts), load_climbs(library)
 
         def before(gait: Gait) -> float:
+            if _is_of_cycle(gait):
+                return gait.primitive.margins["success"]
             return known.probability(gait) * (1.0 if climbs is None else climbs.on_level(gait))
 
-        self._climbs_deg = usual_deg if climbs is None else climbs.of
-        self._experience = Experience(before, self._climbs_deg)
+        def climbs_deg(gait: Gait) -> float:
+            return usual_deg(gait) if climbs is None or _is_of_cycle(gait) else climbs.of(gait)
+
+        self._climbs_deg = climbs_deg
+        self._experience = Experience(before, climbs_deg)
         self._tried: Counter[str] = Counter()
         self._graph = self._believed()
         self._vain = 0
         self._stance: Stance | None = None
-        self.rolls = self.missed = self.refused = 0
+        self.rolls = self.chained = self.missed = self.refused = 0
         self.faces: list[str] = []
+        self._passed: tuple[Stance, ...] = ()
         self.path_m = 0.0
         self.straight_m = 0.0
 
@@ -95,52 +119,131 @@ class Journey:
         """Distance from the goal, where the robot was seen last."""
         return self._stance.distance_m(self._goal_m) if self._stance is not None else 0.0
 
-    def look(self, stance: Stance) -> Step | JourneyEnd:
-        """What to do from where the robot rests now."""
-        if self._stance is None:
-            self.straight_m = stance.distance_m(self._goal_m)
-        else:
-            self.path_m += stance.distance_m((self._stance.x_m, self._stance.y_m))
-        self._stance = stance
-        if not self.faces or self.faces[-1] != stance.face:
-            self.faces.append(stance.face)
+    def look(self, stance: Stance, longest: int = 0) -> Step | JourneyEnd:
+        """What to do from where the robot rests now. `longest`: most rolls of a chain, where one is possible."""
+        self._come_to(stance)
+        if end := self._end():
+            return end
+        if self._vain:
+            longest = 0  # after a miss a plain roll tells whether it was the cycle or the ground
+        longest = min(longest, self._rules.most_rolls - self.rolls - self.refused) // 2 * 2
+        strides = self._believed_strides() if longest else {}
+        outside_m = self.area.outside_m if self.area is not None else None
+        lean, reach_m = self._experience.lean, self._rules.reach_m
         left = f"{100 * self.left_m:.0f} cm from the goal"
-        if self.left_m <= self._rules.reach_m:
-            return JourneyEnd(True, f"rests on {stance.face}, {left}")
-        if self.rolls + self.refused >= self._rules.most_rolls:
-            return JourneyEnd(False, f"gave up after {self.rolls} rolls, {left}: the most that was asked for (most_rolls)")
-        if self._vain >= MOST_MISSES:
-            return JourneyEnd(
-                False, f"gave up {left}: the last {self._vain} rolls missed their face or were refused as too unlikely"
-            )
         try:
-            lean = self._experience.lean
-            way = self._floor.way(stance, self._goal_m, self._graph, self._rules.reach_m, lean, self._climbs_deg)
+            way = self._floor.way(stance, self._goal_m, self._graph, reach_m, lean, self._climbs_deg, strides, outside_m)
         except SimError as error:
             return JourneyEnd(False, f"gave up {left}: {error}")
         if not way.choices:
             return JourneyEnd(False, f"gave up {left}: no sequence of rolls comes nearer")
         if way.choices[0].probability < LEAST_PROBABILITY and self._vain >= PATIENCE:
             return JourneyEnd(False, f"gave up {left}: after {self._vain} vain tries no roll is left that is likely to work")
+        if self._cycle is not None and way.on:
+            faces = tuple(place.face for place in way.stances[: 1 + min(way.on, longest)])
+            return Step(Chain(self._cycle, faces), way)
         return Step(way.choices[0].gait, way)
 
-    def rolled(self, step: Step, success: bool) -> None:
-        """The roll was made; it ended on its target, or elsewhere."""
-        self.rolls += 1
-        self.missed += not success
-        self._learn(step, success)
+    def _end(self) -> JourneyEnd | None:
+        left = f"{100 * self.left_m:.0f} cm from the goal"
+        if self.left_m <= self._rules.reach_m:
+            return JourneyEnd(True, f"rests on {self.faces[-1]}, {left}")
+        if self.rolls + self.refused >= self._rules.most_rolls:
+            return JourneyEnd(False, f"gave up after {self.rolls} rolls, {left}: the most that was asked for (most_rolls)")
+        if self._vain >= MOST_MISSES:
+            return JourneyEnd(
+                False, f"gave up {left}: the last {self._vain} rolls missed their face or were refused as too unlikely"
+            )
+        return None
+
+    def _come_to(self, stance: Stance) -> None:
+        for place in (*self._passed, stance):
+            if self._stance is None:
+                self.straight_m = place.distance_m(self._goal_m)
+            else:
+                self.path_m += place.distance_m((self._stance.x_m, self._stance.y_m))
+            self._stance = place
+            if not self.faces or self.faces[-1] != place.face:
+                self.faces.append(place.face)
+        self._passed = ()
+
+    def rolled(self, step: Step, done: int, missed: bool) -> None:
+        """So many rolls of the step came onto their face; then one `missed`, or the step was over. None at all: as `refuse`."""
+        if not done and not missed:
+            self.refuse(step)
+            return
+        planned = len(step.gait.faces) - 1 if isinstance(step.gait, Chain) else 1
+        done = min(done, planned - missed)
+        self.rolls += done + missed
+        self.missed += missed
+        if isinstance(step.gait, Chain):
+            self.chained += done + missed
+        self._passed = step.way.stances[1 : max(1, done + missed)]
+        for number in range(done + missed):
+            self._learn(step, number < done, number)
 
     def refuse(self, step: Step) -> None:
-        """The planner did not make it: too unlikely on its ensemble."""
+        """The planner did not make it, such as too unlikely on its ensemble."""
         self.refused += 1
         self._learn(step, False)
 
-    def _learn(self, step: Step, success: bool) -> None:
-        self._tried[step.gait.primitive.name] += 1
+    def _learn(self, step: Step, success: bool, number: int = 0) -> None:
+        gait = step.way.choices[number].gait
+        self._tried[gait.primitive.name] += 1
         if self._rules.use_probabilities:
-            self._experience.add(step.gait, self._floor.heading_rad(step.way.stances[0], step.gait.target), success)
+            self._experience.add(gait, self._floor.heading_rad(step.way.stances[number], gait.target), success)
         self._vain = 0 if success else self._vain + 1
         self._graph = self._believed()
 
     def _believed(self) -> FaceGraph:
-        return FaceGraph(self._library, self._experience if self._rules.use_probabilities else _Alike(self._tried))
+        return FaceGraph(self._library, self._believes())
+
+    def _believes(self) -> Experience | _Alike:
+        return self._experience if self._rules.use_probabilities else _Alike(self._tried)
+
+    def _believed_strides(self) -> Strides:
+        believes = self._believes()
+        return {
+            key: (Choice(one, believes.probability(one)), Choice(other, believes.probability(other)))
+            for key, (one, other) in self._strides.items()
+        }
+
+
+CYCLE = "cycle "
+"""Before the name of one that stands among the primitives."""
+
+
+def _is_of_cycle(gait: Gait) -> bool:
+    return gait.primitive.name.startswith(CYCLE)
+
+
+def _strides(cycle: Cycle) -> dict[tuple[str, str, str], tuple[Gait, Gait]]:
+    """The two rolls from a TC over a TO to the next TC as gaits: from rest, and after the TO that the chain came over."""
+    counted = cycle.turns or dict.fromkeys(TURNS, Switches(0, 0, 0, 0))
+    # of what nobody counted no more is expected than of the surest gait
+    success = {turn: 1.0 - counts.miss if counts.rolls else MOST_SURE for turn, counts in counted.items()}
+    success[""] = sum(success.values()) / len(success)
+    found = {}
+    for tc in (face for face in FACES if face.startswith("TC")):
+        for before, to in product(("", *NEIGHBOURS[tc]), NEIGHBOURS[tc]):
+            faces = tc, to, _across(to, tc)
+            turn = turns_of((_across(before, tc), before, *faces))[0] if before not in ("", to) else ""
+            if before == to or turn not in success:
+                continue
+            one, other = (
+                Gait(
+                    Primitive(CYCLE + cycle.name, class_of(source), roll.policy, {"success": success[turn]}),
+                    source,
+                    roll.onto,
+                    roll.policy,
+                    CARRIERS[tc, to].proper,
+                )
+                for source, roll in zip(faces, chain_of(cycle, faces), strict=False)
+            )
+            found[before, tc, to] = one, other
+    return found
+
+
+def _across(to: str, tc: str) -> str:
+    """The other TC beside a TO."""
+    return next(face for face in NEIGHBOURS[to] if face != tc)

@@ -260,7 +260,7 @@ def test_a_chain_that_ends_early_does_so_on_a_tc():
     outcome = sequence.look(view(10.0, "TC3"))
     assert isinstance(outcome, RollOutcome)
     assert (outcome.success, outcome.reason) == (False, "ended on TC3: duty is nearly spent")
-    assert (outcome.observed_face, outcome.rolls) == ("TC3", 2)
+    assert (outcome.observed_face, outcome.rolls, outcome.ended_early) == ("TC3", 2, True)
 
 
 def test_a_refused_link_brings_the_robot_to_neutral():
@@ -270,4 +270,4 @@ def test_a_refused_link_brings_the_robot_to_neutral():
     sequence.moved(view(6.0, "TO5", rest=False))
     outcome = sequence.look(view(7.0, "TO5"))
     assert isinstance(outcome, RollOutcome)
-    assert outcome.reason == "the bridge ended the motion: no duty left"
+    assert (outcome.reason, outcome.ended_early) == ("the bridge ended the motion: no duty left", False)

@@ -2,17 +2,20 @@
 """Where to roll next, and when to give up: without ROS, with the robot's own floor."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.climb_limits import load_climbs
+from sim_core.gaits.cycle import Chain, Cycle, CycleStage, Switches, turns_of
 from sim_core.gaits.library import load_library
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.planning.floor_planner import Floor, Stance
 from sim_core.planning.journey import MOST_MISSES, Journey, JourneyEnd, Step, TravelRules
+from sim_core.planning.keep_in import parsed_keep_in
 from sim_core.structure.parameters import load_prototype
 
 START = Stance("TC6", 0.0, 0.0, 0.0)
@@ -38,7 +41,7 @@ def travelled(floor, trip, stance, works=lambda step: True):
     while isinstance(found := trip.look(stance), Step):
         steps.append(found)
         won = works(found)
-        trip.rolled(found, won)
+        trip.rolled(found, int(won), not won)
         stance = floor.rolled(stance, found.gait.target) if won else stance
     return found, steps, stance
 
@@ -62,7 +65,7 @@ def test_at_the_goal_it_is_there(floor, library):
 def test_a_roll_that_ends_elsewhere_is_replanned_from_there(floor, library):
     trip = journey(floor, library)
     first = trip.look(START)
-    trip.rolled(first, False)
+    trip.rolled(first, 0, True)
     other = next(face for face in ("TO5", "TO7", "TO9") if face != first.gait.target)
     then = trip.look(floor.rolled(START, other))
     assert then.gait.source == other
@@ -123,7 +126,7 @@ def test_without_odds_all_gaits_are_alike_and_are_taken_in_turn(floor, library):
     first = trip.look(START)
     alike = {choice.probability for choice in trip._graph.choices("TC6", "TO5")}
     assert len(alike) == 1
-    trip.rolled(first, False)
+    trip.rolled(first, 0, True)
     then = trip.look(START)
     assert (then.gait.source, then.gait.target) == (first.gait.source, first.gait.target)
     assert then.gait.primitive.name != first.gait.primitive.name
@@ -134,3 +137,113 @@ def test_with_probabilities_the_first_gait_is_one_of_the_most_reliable_and_of_th
     choices = FaceGraph(library, load_success_counts(library)).choices(step.gait.source, step.gait.target)
     surest = [choice.gait for choice in choices if choice.probability == choices[0].probability]
     assert step.gait == max(surest, key=load_climbs(library).of)
+
+
+# ---- rolling on -----------------------------------------------------------------------------------------------------
+
+COUNTED = {turn: Switches(1000, 998, 100, 100) for turn in ("TO4", "TO10")}
+STAGES = CycleStage((7, 44, -19, -17, -45, -45), 0.0, 4.64), CycleStage((-24, -21, -30, -41, 45, 15), 0.0, 4.82)
+
+
+@pytest.fixture
+def cyclic(library):
+    return replace(library, cycles=(Cycle("C1", STAGES, COUNTED),))
+
+
+def rolled_on(floor, trip, stance, longest, works=lambda faces: (len(faces) - 1, False)):
+    """Roll as it says, `works` of a chain's faces: rolls that came onto theirs, and whether one missed then."""
+    steps = []
+    while isinstance(found := trip.look(stance, longest), Step):
+        steps.append(found)
+        faces = found.gait.faces if isinstance(found.gait, Chain) else (found.gait.source, found.gait.target)
+        done, missed = works(faces)
+        trip.rolled(found, done, missed)
+        for face in faces[1 : 1 + done]:
+            stance = floor.rolled(stance, face)
+    return found, steps, stance
+
+
+def test_where_the_library_has_a_cycle_it_rolls_on_from_a_tc_to_the_goal(floor, cyclic):
+    trip = journey(floor, cyclic, (1.0, 0.2))
+    end, steps, _ = rolled_on(floor, trip, START, 24)
+    assert end.success
+    assert isinstance(steps[0].gait, Chain)
+    assert steps[0].gait.rolls, "a cycle goes there"
+    assert trip.chained >= trip.rolls - 1 >= 12
+    assert trip.rolls == len(trip.faces) - 1
+    assert trip.path_m >= trip.straight_m - trip.left_m
+
+
+def test_from_a_to_one_plain_roll_comes_first(floor, cyclic):
+    trip = journey(floor, cyclic, (1.0, 0.2))
+    _, steps, _ = rolled_on(floor, trip, Stance("TO5", 0.0, 0.0, 0.0), 24)
+    assert not isinstance(steps[0].gait, Chain)
+    assert isinstance(steps[1].gait, Chain)
+
+
+@pytest.mark.parametrize(("longest", "most"), [(0, 0), (1, 0), (5, 4), (8, 8)])
+def test_a_chain_is_no_longer_than_what_is_permitted(floor, cyclic, longest, most):
+    step = journey(floor, cyclic, (1.0, 0.2)).look(START, longest)
+    assert (len(step.gait.faces) - 1 if isinstance(step.gait, Chain) else 0) == most
+
+
+def test_the_rolls_that_were_asked_for_hold_for_chains_too(floor, cyclic):
+    end, _, _ = rolled_on(floor, trip := journey(floor, cyclic, (3.0, 0.0), most_rolls=7), START, 24)
+    assert (end.success, trip.rolls) == (False, 7)
+
+
+def test_a_chain_that_misses_counts_what_it_made(floor, cyclic):
+    trip = journey(floor, cyclic, (1.0, 0.2))
+    step = trip.look(START, 24)
+    trip.rolled(step, 3, True)
+    assert (trip.rolls, trip.chained, trip.missed) == (4, 4, 1)
+    stance = step.way.stances[3]
+    trip.look(stance, 24)
+    assert trip.faces == [place.face for place in step.way.stances[:4]]
+
+
+def test_a_cycle_that_misses_again_and_again_is_believed_less_and_it_rolls_plainly(floor, cyclic):
+    trip = journey(floor, cyclic, (1.0, 0.2))
+    end, steps, _ = rolled_on(floor, trip, START, 24, lambda faces: (0, True) if len(faces) > 2 else (1, False))
+    assert end.success
+    assert 1 <= trip.missed == sum(isinstance(step.gait, Chain) for step in steps) <= 4
+
+
+def test_a_return_to_neutral_that_rolls_on_is_the_last_rolls_miss(floor, cyclic):
+    trip = journey(floor, cyclic, (1.0, 0.2))
+    step = trip.look(START, 4)
+    trip.rolled(step, 4, True)
+    assert (trip.rolls, trip.missed) == (4, 1)
+
+
+def test_a_chain_that_ended_early_missed_nothing_and_one_that_made_no_roll_counts_as_refused(floor, cyclic):
+    trip = journey(floor, cyclic, (1.0, 0.2))
+    step = trip.look(START, 6)
+    trip.rolled(step, 2, False)
+    assert (trip.rolls, trip.missed, trip.refused) == (2, 0, 0)
+    trip.rolled(step, 0, False)
+    assert (trip.rolls, trip.missed, trip.refused) == (2, 0, 1)
+
+
+def test_a_turn_that_often_misses_is_avoided_for_the_other_one(floor, cyclic):
+    bad = replace(cyclic.cycles[0], turns=COUNTED | {"TO4": Switches(1000, 300, 100, 100)})
+    step = journey(floor, replace(cyclic, cycles=(bad,)), (1.0, 0.2)).look(START, 24)
+    assert "TO4" not in turns_of([place.face for place in step.way.stances[: step.way.on + 1]])
+    assert step.way.probability > 0.5
+
+
+@pytest.mark.parametrize("longest", [0, 24])
+def test_a_way_stays_in_the_area(floor, cyclic, longest):
+    area = parsed_keep_in("-0.3 -0.12, 1.4 -0.3, 1.4 0.5, -0.3 0.5")
+    trip = Journey(floor, cyclic, load_success_counts(cyclic), (0.8, 0.0), TravelRules(0.08, 40), area)
+    step = trip.look(START, longest)
+    free = journey(floor, cyclic, (0.8, 0.0)).look(START, longest)
+    assert step.way.reaches
+    assert max(area.outside_m(floor.joints_m(stance)) for stance in step.way.stances[1:]) <= 0.0
+    assert max(area.outside_m(floor.joints_m(stance)) for stance in free.way.stances[1:]) > 0.0, "the test's own"
+
+
+def test_from_outside_it_rolls_in(floor, library):
+    area = parsed_keep_in("0.2 -1, 2 -1, 2 1, 0.2 1")
+    trip = Journey(floor, library, load_success_counts(library), (0.8, 0.0), TravelRules(0.08, 40), area)
+    assert trip.look(START).way.reaches

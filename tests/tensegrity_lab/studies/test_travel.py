@@ -88,7 +88,7 @@ def test_the_page_says_what_it_has_and_what_is_left(made, tmp_path):
     found = {case: known[case.key] for case in cases[:2]}
     page = page_of(found, len(cases) - 2, ROBOT, "COMMAND", "picture.png")
     assert "**2 travels of 8**, so far" in page
-    assert "| level | robust, knows odds | 1 of 1 | 17 | 1 (6 %) | 17.0 | 200 s | 1.37 |" in page
+    assert "| level | robust, knows odds | 1 of 1 | 17 | 0 | 1 (6 %) | 17.0 | 200 s | 200 s | 0.28 | 1.37 |" in page
     assert "so far" not in page_of(found, 0, ROBOT, "COMMAND", "picture.png")
 
 

@@ -64,7 +64,7 @@ def pose(x, y, frame="odom"):
 def client(module_processes, domain):
     prototype = module_processes.node("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
     module_processes.node("twin")
-    module_processes.node("gait_planner", settle_timeout_s=200.0)  # of robot time, while other tests may load this machine
+    module_processes.node("gait_planner", settle_timeout_s=200.0, keep_in="-2 -2, 2 -2, 2 2, -2 2")  # of robot time, while other tests may load this machine
     traveller = module_processes.node("traveller")
     module_processes.node("hardware_bridge", lease_silence_s=5.0)
     prototype.says("ready")
@@ -96,6 +96,7 @@ def test_a_disarmed_robot_does_not_travel_and_the_call_that_arms_is_named(client
     [
         ({"x": 0.2, "y": 0.0, "frame": "map"}, "frame 'map': valid is 'odom'"),
         ({"x": math.nan, "y": 0.0}, "x and y must be numbers"),
+        ({"x": 2.5, "y": 0.0}, "the goal 2.5, 0 m is outside of the keep-in area"),
         ({"x": 0.2, "y": 0.0, "reach_m": -1.0}, "reach_m is -1.0"),
     ],
 )

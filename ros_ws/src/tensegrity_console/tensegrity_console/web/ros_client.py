@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseArray, PoseStamped
+from geometry_msgs.msg import PolygonStamped, PoseArray, PoseStamped
 from nav_msgs.msg import Path
 from rclpy.action import ActionClient
 from rclpy.node import Node
@@ -295,6 +295,11 @@ def _way(message: Path) -> dict[str, Any]:
     return {"way_m": way[np.isfinite(way).all(axis=1)]}
 
 
+def _area(message: PolygonStamped) -> dict[str, Any]:
+    corners = np.array([(point.x, point.y) for point in message.polygon.points[:MOST_ROLLS]]).reshape(-1, 2)
+    return {"keep_in_m": corners[np.isfinite(corners).all(axis=1)]}
+
+
 def _goal(message: PoseStamped) -> dict[str, Any]:
     x, y = message.pose.position.x, message.pose.position.y
     return {"goal_m": (x, y) if math.isfinite(x) and math.isfinite(y) else None}
@@ -324,6 +329,7 @@ KEPT: tuple[tuple[topics.Topic, Callable[[Any], dict[str, Any]]], ...] = (
     (topics.REHEARSAL, lambda message: {"rehearsal": rehearsal_of(message)}),
     (topics.TRAVEL_PATH, _way),
     (topics.TRAVEL_GOAL, _goal),
+    (topics.KEEP_IN, _area),
     (topics.TRIAL_PANEL, _panel),
 )
 """Topics, and the facts that follow from their messages."""

@@ -90,6 +90,7 @@ class Scene:
                 ("tendons", BLUE, 0.004),
                 ("trail", GREEN, 0.003),
                 ("way", BLUE, 0.005),
+                ("keep-in", YELLOW, 0.005),
             )
         }
         self._forces = server.scene.add_arrows("forces", none, YELLOW, shaft_radius=0.003, head_radius=0.007, head_length=0.015)
@@ -130,6 +131,7 @@ class Scene:
             self._follow(stance)
             self._draw_faces(stance, facts)
             self._draw_way(facts)
+        self._draw_area(facts)
         for page, chosen in list(self._chosen.items()):
             self._draw_chosen(chosen, stance, facts, selections.get(page, Selection()))
 
@@ -217,6 +219,12 @@ class Scene:
         self._goal.visible = facts.goal_m is not None
         if facts.goal_m is not None:
             self._goal.position = (*facts.goal_m, LIFT_M)
+
+    def _draw_area(self, facts: Facts) -> None:
+        corners = np.column_stack([facts.keep_in_m, np.full(len(facts.keep_in_m), LIFT_M)])
+        self._lines["keep-in"].visible = len(corners) > 2
+        if len(corners) > 2:
+            self._put("keep-in", np.stack([corners, np.roll(corners, -1, axis=0)], axis=1))
 
     def _put(self, name: str, points: Array, colors: Array | None = None) -> None:
         """Lines from their ends, (n, 2, 3)."""

@@ -56,6 +56,7 @@ class Facts:
     last: str = ""
     way_m: Places = field(default_factory=lambda: np.zeros((0, 2)))  # planned centres
     goal_m: tuple[float, float] | None = None
+    keep_in_m: Places = field(default_factory=lambda: np.zeros((0, 2)))  # corners of the keep-in area; none: there is none
     trial: dict[str, Any] | None = None  # what a session shows
 
     @property

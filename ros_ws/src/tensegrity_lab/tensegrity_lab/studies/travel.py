@@ -40,6 +40,7 @@ class Trip:
         places_m: where that was seen, (n, 2).
         seed, incline_deg, perturbation: of the robot.
         bag: file.
+        chained: rolls of chains.
         stands: faces that it was seen at rest on, each with (x, y) of its centre in [m].
     """
 
@@ -63,12 +64,18 @@ class Trip:
     places_m: tuple[tuple[float, float], ...]
     bag: str
     stands: tuple[tuple[str, float, float], ...] = ()
+    chained: int = 0
 
     @property
     def ratio(self) -> float:
         """Length of the path over the distance that was won; 1 is straight."""
         won = self.straight_m - self.left_m
         return self.path_m / won if won > 0.0 else float("inf")
+
+    @property
+    def speed_m_min(self) -> float:
+        """Distance that was won a minute of rolling, in [m/min]."""
+        return 60.0 * (self.straight_m - self.left_m) / self.robot_s if self.robot_s > 0.0 else 0.0
 
 
 def travel(
@@ -112,7 +119,8 @@ def travel(
     end = bool(result.success), str(result.reason), int(result.rolls), int(result.missed)
     ways = float(result.left_m), float(result.path_m), float(result.straight_m), float(result.duration_s)
     places_m, stands = _seen(bag)
-    return Trip(*known, *end, *ways, tuple(result.face_sequence), late.worst_s, robot.time_scale, places_m, bag, stands)
+    faces, chained = tuple(result.face_sequence), int(result.chained)
+    return Trip(*known, *end, *ways, faces, late.worst_s, robot.time_scale, places_m, bag, stands, chained)
 
 
 def _operate(

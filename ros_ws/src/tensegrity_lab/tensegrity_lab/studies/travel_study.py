@@ -18,8 +18,8 @@ from tensegrity_lab.studies.travel import Trip, travel
 DISTANCE_M = 1.0
 SLOPE_DEG = 3.0
 TRIPS = "trips.jsonl"
-TRAVELLERS = (("robust", True), ("robust", False))
-"""(library, knows odds). On level ground the gaits of `robust` hardly differ, uphill they do: there odds show their worth."""
+TRAVELLERS = True, False
+"""Whether it knows odds. On level ground the gaits of `robust` hardly differ, uphill they do: there odds show their worth."""
 Key = tuple[int, float, str, bool]
 
 INTRODUCTION = """\
@@ -50,7 +50,9 @@ class Case:
         return self.incline_deg, self.library, self.use_odds
 
 
-def cases_of(goals: int, seed: int, distance_m: float = DISTANCE_M, slope_deg: float = SLOPE_DEG) -> list[Case]:
+def cases_of(
+    goals: int, seed: int, distance_m: float = DISTANCE_M, slope_deg: float = SLOPE_DEG, library: str = "robust"
+) -> list[Case]:
     """Every goal on both floors with every traveller; directions drawn by the seed. The robot of a goal is always the same.
 
     What is compared comes together, so that a study that is ended early has something to compare.
@@ -58,7 +60,7 @@ def cases_of(goals: int, seed: int, distance_m: float = DISTANCE_M, slope_deg: f
     angles = np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi, goals)
     places = [(round(distance_m * math.cos(a), 3), round(distance_m * math.sin(a), 3)) for a in angles]
     floors = (0.0, slope_deg)
-    return [Case(n, place, deg, *who) for deg in floors for n, place in enumerate(places, 1) for who in TRAVELLERS]
+    return [Case(n, place, deg, library, odds) for deg in floors for n, place in enumerate(places, 1) for odds in TRAVELLERS]
 
 
 MOST_BYTES = 256_000_000
@@ -67,13 +69,13 @@ MOST_BYTES = 256_000_000
 
 def groups_of(cases: Iterable[Case]) -> list[tuple[float, str, bool]]:
     """Ground and traveller, in the order of the page."""
-    return sorted({case.group for case in cases}, key=lambda group: (group[0], TRAVELLERS.index(group[1:])))
+    return sorted({case.group for case in cases}, key=lambda group: (group[0], group[1], not group[2]))
 
 
 def words_of(group: tuple[float, str, bool]) -> tuple[str, str]:
     """Ground and traveller, for people."""
     deg, library, odds = group
-    return f"inclined by {deg:g}°" if deg else "level", f"{library}, {'knows odds' if odds else 'ignores odds'}"
+    return f"inclined by {deg:g}°" if deg else "level", f"{Path(library).stem}, {'knows odds' if odds else 'ignores odds'}"
 
 
 def read_trips(folder: Path) -> dict[Key, Trip]:
@@ -134,20 +136,33 @@ def _trip(robot: VirtualRobot, case: Case, tell: Callable[[str], None]) -> Trip:
     return travel(robot, case.goal_m, tell, use_odds=case.use_odds)
 
 
-SUMMARY = ("ground", "traveller", "arrived", "rolls", "missed", "rolls of an arrival", "rolling time of an arrival", "path ratio")
-EVERY = ("goal", "at (m)", "incline", "traveller", "end", "rolls", "missed", "left", "rolling time")
+SUMMARY = (
+    *("ground", "traveller", "arrived", "rolls", "in chains", "missed", "rolls of an arrival", "rolling time of an arrival"),
+    *("median", "m/min", "path ratio"),
+)
+EVERY = ("goal", "at (m)", "incline", "traveller", "end", "rolls", "in chains", "missed", "left", "rolling time", "m/min")
 
 
 def summary_of(trips: Sequence[Trip]) -> tuple[object, ...]:
-    """Cells of a row: arrived, rolls, missed, robot time, path ratio of those that arrived."""
+    """Cells of a row: arrived, rolls, in chains, missed; rolls, rolling time, speed and path ratio of those that arrived."""
     arrived = [trip for trip in trips if trip.success]
     rolls, missed = sum(trip.rolls for trip in trips), sum(trip.missed for trip in trips)
-    head = f"{len(arrived)} of {len(trips)}", rolls, f"{missed} ({100 * missed / max(1, rolls):.0f} %)"
+    chained = sum(trip.chained for trip in trips)
+    head = f"{len(arrived)} of {len(trips)}", rolls, chained, f"{missed} ({100 * missed / max(1, rolls):.0f} %)"
     if not arrived:
-        return *head, "–", "–", "–"
+        return *head, "–", "–", "–", "–", "–"
     each = np.mean([trip.rolls for trip in arrived])
     time_s = np.mean([trip.robot_s for trip in arrived])
-    return *head, f"{each:.1f}", f"{time_s:.0f} s", f"{np.mean([trip.ratio for trip in arrived]):.2f}"
+    median_s = np.median([trip.robot_s for trip in arrived])
+    speed = np.mean([trip.speed_m_min for trip in arrived])
+    return (
+        *head,
+        f"{each:.1f}",
+        f"{time_s:.0f} s",
+        f"{median_s:.0f} s",
+        f"{speed:.2f}",
+        f"{np.mean([trip.ratio for trip in arrived]):.2f}",
+    )
 
 
 def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: str, picture: str) -> str:
@@ -168,21 +183,23 @@ def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: st
         f"{goals} goals at {DISTANCE_M:g} m in directions drawn by a seed, each for a robot of its own at",
         f"±{100 * robot.perturbation:g} % with {robot.actuators} actuators; every goal on level ground and on ground inclined by",
         f"{SLOPE_DEG:g}° in a direction drawn by the robot's seed, of which planner and traveller know nothing. Two travellers:",
-        "as it is, with the library `robust`, and for comparison one that takes all its gaits for equally likely, takes them in",
+        f"as it is, with the library `{Path(robot.library).stem}`, and",
+        "for comparison one that takes all its gaits for equally likely, takes them in",
         "turn, and learns nothing (`use_odds:=false`).",
         f"{' or '.join(scales)} times real time; a travel whose prototype took its orders more than {LATE_S:g} s of robot time",
         "late, because the computer was busy, was made again at a slower pace.",
         "",
-        table(SUMMARY, rows, "llrrrrrr"),
+        table(SUMMARY, rows, "ll" + "r" * 9),
         "",
         "*Rolling time* is robot time from first to last move of all rolls; resting for the actuators' duty is not counted.",
+        "*m/min* is the distance won over the rolling time; *in chains* are rolls without a stop between.",
         "*Path ratio* is the way from rest to rest over the distance won; the robot rolls over triangles, so 1 cannot be reached.",
         "",
         f"![paths of all travels on level and on inclined ground]({picture})",
         "",
         "## Every travel",
         "",
-        table(EVERY, each, "rlrllrrrr"),
+        table(EVERY, each, "rlrll" + "r" * 6),
     ]
     return "\n".join(lines) + "\n"
 
@@ -190,5 +207,12 @@ def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: st
 def _row(case: Case, trip: Trip) -> tuple[object, ...]:
     where = f"{case.goal_m[0]:+.2f}, {case.goal_m[1]:+.2f}", f"{case.incline_deg:g}°"
     end = "arrived" if trip.success else trip.reason
-    counts = trip.rolls, trip.missed, f"{100 * trip.left_m:.0f} cm", f"{trip.robot_s:.0f} s"
+    counts = (
+        trip.rolls,
+        trip.chained,
+        trip.missed,
+        f"{100 * trip.left_m:.0f} cm",
+        f"{trip.robot_s:.0f} s",
+        f"{trip.speed_m_min:.2f}",
+    )
     return case.number, *where, words_of(case.group)[1], end, *counts

@@ -6,7 +6,7 @@ It asks the planner for every roll and never the bridge for a motion: what the p
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 from action_msgs.msg import GoalStatus
-from geometry_msgs.msg import Point, Pose, PoseArray, PoseStamped, Quaternion
+from geometry_msgs.msg import Point, PolygonStamped, Pose, PoseStamped, Quaternion
 from nav_msgs.msg import Path as PathMessage
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
@@ -23,16 +23,20 @@ from rclpy.task import Future
 from std_msgs.msg import Header
 
 from sim_core.dynamics.model import build_model
-from sim_core.gaits.library import load_library
+from sim_core.errors import ParameterError
+from sim_core.gaits.cycle import Chain
+from sim_core.gaits.library import Gait, load_library
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.floor_planner import REACH_M, Floor, Stance
 from sim_core.planning.journey import Journey, JourneyEnd, Step, TravelRules
+from sim_core.planning.keep_in import KeepIn
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import load_prototype
 from sim_core.twin.live_bridge import FRESH_S, LiveBridge, age_s, is_fresh
 from tensegrity_interfaces.action import Roll, Travel
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, TwinState
 from tensegrity_interfaces.srv import FaceGraph
+from tensegrity_robot.planner.told_joints import ToldJoints
 from tensegrity_robot.ros import topics
 from tensegrity_robot.ros.conversions import frame_prefix
 from tensegrity_robot.ros.node_help import About
@@ -43,6 +47,8 @@ TICK_S = 0.1
 FOUND_LIMIT_S = 10.0
 """Longest wait (wall clock) for planner, twin and bridge, which may just have started."""
 ANSWER_LIMIT_S = 5.0
+CHAIN_MARGIN_S = 4.0
+"""Running time that a chain has to have left beside that of two rolls and the way back, as the planner judges it."""
 REST_LIMIT_S = 1_300.0
 """Robot time after which the bridge's duty window is past, twice."""
 CALM_LIMIT_S = 90.0
@@ -63,6 +69,9 @@ class TravellerParameters:
         REACH_M, "distance from a goal that counts as there, unless the goal says otherwise [m]", low=0.02, high=1.0
     )
     most_rolls: int = parameter(60, "rolls after which a travel is given up, unless its goal says otherwise", low=1, high=10_000)
+    longest_chain: int = parameter(
+        24, "most rolls in a row without a stop, not more than the planner's; 0: it stops after every roll", low=0, high=200
+    )
     use_odds: bool = parameter(True, "prefer reliable gaits and learn from misses; false: all gaits are alike, for comparison")
 
 
@@ -80,6 +89,7 @@ class _Travel:
     step: Step | None = None
     roll: Any = None
     robot_s: float = 0.0
+    chain: Roll.Feedback | None = None
 
 
 class TravellerNode(Node):
@@ -96,8 +106,8 @@ class TravellerNode(Node):
         self._bridge: BridgeState | None = None
         self._face: FaceObservation | None = None
         self._twin: TwinState | None = None
-        self._seen_joints: tuple[float, Array] | None = None
-        self._twin_joints: tuple[float, Array] | None = None
+        self._area: KeepIn | None = None
+        self._area_told = False
         self._travel: _Travel | None = None
         self._next: PoseStamped | None = None
         self._waiting: list[tuple[Callable[[], object], float, Future]] = []
@@ -107,8 +117,10 @@ class TravellerNode(Node):
         topics.BRIDGE_STATE.subscribe(self, self._on_bridge_state)
         topics.BRIDGE_FACE.subscribe(self, lambda event: live.takes(event, keep("_face")))
         topics.TWIN_STATE.subscribe(self, keep("_twin"))
-        topics.TWIN_JOINTS.subscribe(self, self._keep_joints("_twin_joints"))
-        topics.OBSERVED_JOINTS.subscribe(self, self._keep_joints("_seen_joints"))
+        self._told_joints = ToldJoints(self)
+        topics.TWIN_JOINTS.subscribe(self, self._told_joints.predict)
+        topics.OBSERVED_JOINTS.subscribe(self, self._told_joints.see)
+        topics.KEEP_IN.subscribe(self, self._on_area)
         topics.GOAL_POSE.subscribe(self, self._on_goal_pose)
         self._path = topics.TRAVEL_PATH.publisher(self)
         self._goal = topics.TRAVEL_GOAL.publisher(self)
@@ -142,14 +154,14 @@ class TravellerNode(Node):
         if self._live.hears(message, self.get_clock().now().nanoseconds):
             self._bridge = message
 
-    def _keep_joints(self, name: str) -> Callable[[PoseArray], None]:
-        def keep(message: PoseArray) -> None:
-            if not is_fresh(message.header.stamp, self.get_clock().now().nanoseconds):
-                return  # of a recording
-            places = np.array([(p.position.x, p.position.y, p.position.z) for p in message.poses[:12]])
-            setattr(self, name, (time.monotonic(), places))
-
-        return keep
+    def _on_area(self, message: PolygonStamped) -> None:
+        corners = np.array([(point.x, point.y) for point in message.polygon.points])
+        try:
+            self._area = KeepIn(corners) if len(corners) else None
+        except ParameterError as error:
+            self.get_logger().warning(f"keep_in ignored: {error}")
+            return
+        self._area_told = True
 
     @property
     def _watched(self) -> bool:
@@ -164,8 +176,7 @@ class TravellerNode(Node):
 
     def _joints(self, since: float) -> Array | None:
         """Where the joints are, seen or else predicted, told after `since` (time.monotonic)."""
-        told = self._seen_joints if self._watched and self._seen_joints is not None else self._twin_joints
-        return told[1] if told is not None and told[0] >= since else None
+        return self._told_joints.newest(self._watched, since)
 
     # ---- goals ------------------------------------------------------------------------------------------------------
 
@@ -187,6 +198,10 @@ class TravellerNode(Node):
             return f"the goal is in frame {goal.header.frame_id!r}: valid is {frame!r}"
         if not (math.isfinite(goal.pose.position.x) and math.isfinite(goal.pose.position.y)):
             return "the goal is no place: x and y must be numbers"
+        place = np.array([(goal.pose.position.x, goal.pose.position.y)])
+        if self._area is not None and self._area.outside_m(place) > 0.0:
+            corners = ", ".join(f"{x:g} {y:g}" for x, y in self._area.corners_m)
+            return f"the goal {place[0, 0]:g}, {place[0, 1]:g} m is outside of the keep-in area, {corners} (keep_in of the planner)"
         return ""
 
     def _staleness(self, goal: PoseStamped) -> str:
@@ -258,6 +273,7 @@ class TravellerNode(Node):
             success=end.success,
             reason=end.reason,
             rolls=journey.rolls,
+            chained=journey.chained,
             missed=journey.missed,
             left_m=journey.left_m,
             path_m=journey.path_m,
@@ -269,10 +285,13 @@ class TravellerNode(Node):
     async def _go(self, travel: _Travel, anyway: bool) -> JourneyEnd:
         await self._until(travel, lambda: self._bridge is not None and self._joints(0.0) is not None, FOUND_LIMIT_S, _ALONE)
         await self._same_library(travel)
+        travel.journey.area = self._area
+        if why := self._refusal(travel.handle.request.goal):
+            raise _Ended(why)
         since = 0.0
         while True:
             stance = await self._stance(travel, since)
-            found = travel.journey.look(stance)
+            found = travel.journey.look(stance, self._settings.longest_chain if self._watched else 0)
             if isinstance(found, JourneyEnd):
                 return found
             travel.step = found
@@ -286,8 +305,10 @@ class TravellerNode(Node):
                 raise _Ended(result.reason)
             else:
                 travel.robot_s += result.duration_s
-                travel.journey.rolled(found, bool(result.success))
-            travel.step = None
+                # what ended early missed nothing
+                done = int(result.rolls) if isinstance(found.gait, Chain) else int(result.success)
+                travel.journey.rolled(found, done, not (result.success or result.ended_early))
+            travel.step = travel.chain = None
 
     async def _stance(self, travel: _Travel, since: float) -> Stance:
         """Where it rests. Raises _Ended: on no face."""
@@ -306,7 +327,7 @@ class TravellerNode(Node):
 
     async def _rested(self, travel: _Travel, step: Step) -> None:
         """Until the actuators' duty permits the roll."""
-        needs_s = 2e-3 * max(abs(stroke) for stroke in step.gait.policy) / self._speed_m_s
+        needs_s = _running_mm(step.gait) * 1e-3 / self._speed_m_s + CHAIN_MARGIN_S * isinstance(step.gait, Chain)
         if self._bridge is not None and self._bridge.duty_left_s < needs_s:
             travel.phase = f"resting: the actuators have run as long as their duty permits; {needs_s:.0f} s are needed"
             rested = lambda: self._bridge is not None and not self._bridge.duty_left_s < needs_s  # noqa: E731
@@ -318,8 +339,13 @@ class TravellerNode(Node):
         travel.phase = f"rolling to {gait.target}"
         if not self._rolls.server_is_ready():
             raise _Ended(_ALONE)
-        goal = Roll.Goal(target_face=gait.target, source_face=gait.source, primitive=gait.primitive.name, anyway=anyway)
-        handle = await self._rolls.send_goal_async(goal)
+        goal = Roll.Goal(source_face=gait.source, anyway=anyway)
+        if isinstance(gait, Chain):
+            travel.phase = f"rolling on to {gait.target}"
+            goal.faces, goal.primitive = list(gait.faces[1:]), gait.cycle.name
+        else:
+            goal.target_face, goal.primitive = gait.target, gait.primitive.name
+        handle = await self._rolls.send_goal_async(goal, feedback_callback=partial(self._on_feedback, travel))
         if not handle.accepted:
             raise _Ended("the planner is busy with another roll: cancel that, then try again")
         travel.roll = handle
@@ -331,12 +357,17 @@ class TravellerNode(Node):
             raise _Ended("replaced by a new goal_pose" if self._next is not None else "cancelled; the struts hold where they are")
         return answer.result
 
+    def _on_feedback(self, travel: _Travel, message: Any) -> None:
+        if travel.step is not None and isinstance(travel.step.gait, Chain):
+            travel.chain = message.feedback
+
     async def _same_library(self, travel: _Travel) -> None:
         """Planner and traveller speak of the same gaits. Raises _Ended with both hashes."""
         travel.phase = "asking the planner for its library"
         await self._until(travel, self._graph.service_is_ready, FOUND_LIMIT_S, _ALONE)
         asked = self._graph.call_async(FaceGraph.Request(source_face="TC6"))
         await self._until(travel, asked.done, ANSWER_LIMIT_S, "the planner does not answer (service face_graph)")
+        await self._until(travel, lambda: self._area_told, ANSWER_LIMIT_S, "the planner does not tell its area (topic keep_in)")
         theirs, ours = asked.result().library_hash, self._library.hash
         if theirs != ours:
             raise _Ended(f"the planner's library is {theirs}, the traveller's {ours}: start both with the same library")
@@ -382,10 +413,10 @@ class TravellerNode(Node):
                 x_m=float(center[0]),
                 y_m=float(center[1]),
                 left_m=math.hypot(goal.x - center[0], goal.y - center[1]),
-                rolls=travel.journey.rolls,
+                rolls=travel.journey.rolls + (travel.chain.rolls if travel.chain is not None else 0),
                 rolls_left=len(step.way.choices) if step is not None else 0,
                 odds=step.way.probability if step is not None else math.nan,
-                target_face=step.gait.target if step is not None and travel.roll is not None else "",
+                target_face=_target(travel),
             )
         )
 
@@ -400,6 +431,25 @@ class TravellerNode(Node):
 _ALONE = "planner, twin or bridge are not heard: start the stack (ros2 launch tensegrity_robot tensegrity.launch.py), then arm"
 
 
+def _target(travel: _Travel) -> str:
+    """The face that is to come."""
+    if travel.step is None or travel.roll is None:
+        return ""
+    return str(travel.chain.next_face) if travel.chain is not None else travel.step.gait.target
+
+
+def _running_mm(gait: Gait | Chain) -> float:
+    """How far the strut that runs most goes in a roll and back; in a chain: in any two rolls and back."""
+    stops: Sequence[Sequence[int]] = [roll.policy for roll in gait.rolls] if isinstance(gait, Chain) else [gait.policy]
+    neutral = [0] * len(stops[0])
+    runs = [
+        abs(a - before) + abs(b - a) + abs(b)
+        for one, two, three in zip([neutral, *stops], stops, [*stops[1:], stops[-1]], strict=False)
+        for before, a, b in zip(one, two, three, strict=True)
+    ]
+    return max(runs)
+
+
 def _pose(stance: Stance) -> Pose:
     half = 0.5 * stance.yaw_rad
     return Pose(position=Point(x=stance.x_m, y=stance.y_m), orientation=Quaternion(z=math.sin(half), w=math.cos(half)))
@@ -410,7 +460,7 @@ ABOUT = About(
     text="rolls to a place on the floor, one roll of the planner after another",
     settings=TravellerParameters,
     gives="travel/path travel/goal travel()",
-    takes="bridge/state bridge/face twin/state twin/joints bridge/observed_joints goal_pose roll() face_graph() travel()",
+    takes="bridge/state bridge/face keep_in twin/state twin/joints bridge/observed_joints goal_pose roll() face_graph() travel()",
     example="-p reach_m:=0.1",
 )
 

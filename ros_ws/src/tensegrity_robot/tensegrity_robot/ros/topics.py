@@ -5,7 +5,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from diagnostic_msgs.msg import DiagnosticArray
-from geometry_msgs.msg import PoseArray, PoseStamped
+from geometry_msgs.msg import PolygonStamped, PoseArray, PoseStamped
 from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.publisher import Publisher
@@ -86,6 +86,9 @@ FRAMES = Topic(
 ROBOT_DESCRIPTION = Topic("robot_description", String, qos.LATCHED, "others", "the robot's URDF, whose links are the frames of /tf")
 TWIN_COMMAND = Topic("twin/command", JointTrajectory, qos.STATES, "", "rest lengths for a stand-alone twin")
 GOAL_POSE = Topic("goal_pose", PoseStamped, qos.STATES, "others", "where to travel; replaces the travel under way")
+KEEP_IN = Topic(
+    "keep_in", PolygonStamped, qos.LATCHED, "others", "the area that chains and travels stay in; no points: none is set"
+)
 TRAVEL_GOAL = Topic("travel/goal", PoseStamped, qos.LATCHED, "others", "where the travel under way goes")
 TRAVEL_PATH = Topic("travel/path", Path, qos.LATCHED, "others", "the way planned now")
 TRIAL_PANEL = Topic("trial/panel", String, qos.LATCHED, "", "a session that a person judges, to the console")

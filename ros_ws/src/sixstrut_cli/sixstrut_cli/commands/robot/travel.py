@@ -81,12 +81,13 @@ def command(
         trip = travel(robot, goal_m, status.update, reach, most_rolls, not ignore_odds, domain, screen.print)
     picture = Path(trip.bag).with_suffix(".png")
     if as_json:
-        typer.echo(json.dumps(asdict(trip) | {"ratio": trip.ratio, "picture": str(picture)}))
+        typer.echo(json.dumps(asdict(trip) | {"ratio": trip.ratio, "speed_m_min": trip.speed_m_min, "picture": str(picture)}))
     else:
         typer.echo(" → ".join(trip.faces))
         typer.echo(f"{'arrived' if trip.success else 'did not arrive'}: {trip.reason}")
         ratio = f"path {trip.path_m:.2f} m for {trip.straight_m - trip.left_m:.2f} m won"
-        typer.echo(f"{trip.rolls} rolls, {trip.missed} missed, {trip.robot_s:.0f} s of robot time; {ratio}")
+        rolls = f"{trip.rolls} rolls ({trip.chained} in chains), {trip.missed} missed"
+        typer.echo(f"{rolls}, {trip.robot_s:.0f} s of rolling, {trip.speed_m_min:.2f} m/min; {ratio}")
         wrote(Path(trip.bag))
     wrote(travel_picture(trip, picture), err=as_json)
     if not trip.success:
@@ -97,7 +98,7 @@ def _study(goals: int, robot: VirtualRobot, folder: Path, page: bool) -> None:
     from tensegrity_lab.studies.travel_study import cases_of, read_trips, study
 
     robot.compile()
-    cases = cases_of(goals, robot.seed)
+    cases = cases_of(goals, robot.seed, library=robot.library)
     screen = console()
     try:
         with screen.status("starting") as status:
@@ -123,6 +124,7 @@ def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, fold
     panels = [(", ".join(words_of(group)), [trip for case, trip in found.items() if case.group == group]) for group in groups]
     goals = max(case.number for case in cases)
     chosen = f"--study {goals} --seed {robot.seed} --time-scale {robot.time_scale:g}"
+    chosen += f" --library {robot.library}" if robot.library != "robust" else ""
     command = f"./sixstrut travel {chosen} -o {folder}{' --page' if page else ''}"
     text = page_of(found, len(cases) - len(found), robot, command, "images/travel.png")
     target.write_text(text, encoding="utf-8")
