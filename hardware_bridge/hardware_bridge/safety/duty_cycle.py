@@ -151,7 +151,7 @@ def run_times_s(path: Trajectory, rules: Rules) -> NDArray[np.float64]:
     """
     period_s = rules.pacing.period_s
     count = max(1, math.ceil(path.duration_s / period_s - 1e-9))
-    edges: NDArray[np.float64] = np.arange(count + 1) * period_s
+    edges = np.linspace(0.0, count * period_s, count + 1)
     times = np.sort(np.concatenate((edges, path.times_s)))
     first = np.searchsorted(times, edges)
     knots_us = exact_pulses_us(rules.calibration, path.lengths_m)

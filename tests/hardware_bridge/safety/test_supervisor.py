@@ -409,7 +409,7 @@ def test_the_way_back_may_overtake_whatever_duty_and_supply_are(rules: Rules) ->
     driver.move(0.02, 1.6)
     driver.tick()
     driver.feed(Supply(6000))
-    further = Execute(Trajectory([1.6], [[MID_M + 0.03, *MID[1:]]]), "key", 0.0, 2)
+    further = Execute(Trajectory([2.2], [[MID_M + 0.04, *MID[1:]]]), "key", 0.0, 2)
     assert isinstance(driver.refusal(Overtake(further, 1, 0.3)), DutyError)
     short = Execute(Trajectory([0.1], [[MID_M + 0.006, *MID[1:]]]), "key", 0.0, 2)
     assert isinstance(driver.refusal(Overtake(short, 1, 0.3)), SupplyError)
@@ -420,3 +420,11 @@ def test_the_way_back_may_overtake_whatever_duty_and_supply_are(rules: Rules) ->
     while driver.state.motion is not None:
         driver.tick()
     assert driver.state.pulses_us == driver.supervisor.rules.calibration.pulses_us(list(MID))
+
+
+def test_a_motion_may_be_overtaken_within_a_hair_of_one_of_its_knots(armed: Driver) -> None:
+    armed.feed(Execute(Trajectory([0.2, 1.0], [[MID_M + 0.002, *MID[1:]], [MID_M + 0.01, *MID[1:]]]), "key", 0.0, 1))
+    for number, from_s in enumerate((0.2 + 1e-13, 0.2 - 1e-13, 1e-13), start=2):
+        back = Execute(Trajectory([1.0], [MID]), "key", 0.0, number)
+        (finished,) = armed.feed(Overtake(back, number - 1, from_s))
+        assert isinstance(finished, Finished)
