@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import pytest
 
-from sim_core.gaits.cycle import TURNS, Cycle, CycleStage, faces_of
+from sim_core.gaits.cycle import TURNS, Cycle, CycleStage, Switches, faces_of
 from sim_core.gaits.library import library_text, load_library
 from sim_core.structure.topology import NEIGHBOURS
 from tensegrity_interfaces.action import Roll
@@ -17,7 +17,9 @@ STAGES = CycleStage((7, 44, -19, -17, -45, -45), 0.0, 4.64), CycleStage((-24, -2
 
 def test_a_chain_ends_in_neutral_before_duty_is_spent(processes, domain, tmp_path):
     library = tmp_path / "chain.yaml"
-    library.write_text(library_text(replace(load_library("robust"), cycles=(Cycle("C1", STAGES),))))
+    library.write_text(
+        library_text(replace(load_library("robust"), cycles=(Cycle("C1", STAGES, {TURNS[0]: Switches(0, 0, 0, 0)}),)))
+    )
     prototype = processes.node("virtual_prototype", "--time-scale", "4", "--perturbation", "0", "--actuators", "ideal")
     processes.node("twin")
     processes.node("gait_planner", library=str(library), rehearse_members=0)
