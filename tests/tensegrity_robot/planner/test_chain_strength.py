@@ -23,7 +23,7 @@ def test_a_chain_ends_in_neutral_before_duty_is_spent(processes, domain, tmp_pat
     prototype = processes.node("virtual_prototype", "--time-scale", "4", "--perturbation", "0", "--actuators", "ideal")
     processes.node("twin")
     processes.node("gait_planner", library=str(library), rehearse_members=0)
-    processes.node("hardware_bridge", lease_silence_s=10.0, burst_fraction=0.34)
+    processes.node("hardware_bridge", lease_silence_s=10.0, burst_fraction=0.34, library=str(library))
     prototype.says("ready")
     operator = StackClient(domain=domain, events=True)
     try:
