@@ -143,16 +143,16 @@ class ShapeError(Refused):
 
 
 class DutyError(Refused):
-    """A strut that has run too long of late; times in [s] of robot time. `wait_s` None: waiting does not help.
+    """A strut that has run too long of late; times in [s] of robot time. Waiting for ever does not help: `wait_s` is then None.
 
     `used_s` is infinite where nobody knows how long it has run.
     """
 
-    def __init__(self, strut: str, used_s: float, needed_s: float, limit_s: float, window_s: float, wait_s: float | None) -> None:
-        self.strut, self.wait_s = strut, wait_s
-        remedy = "make the motion shorter" if wait_s is None else f"wait {wait_s:.0f} s of robot time"
+    def __init__(self, strut: str, used_s: float, needed_s: float, limit_s: float, window_s: float, wait_s: float) -> None:
+        self.strut, self.wait_s = strut, wait_s if math.isfinite(wait_s) else None
+        remedy = "make the motion shorter" if self.wait_s is None else f"wait {math.ceil(wait_s)} s of robot time"
         if math.isinf(used_s):
-            for_s = window_s if wait_s is None else wait_s
+            for_s = window_s if self.wait_s is None else wait_s
             super().__init__(
                 f"{strut}: nobody knows how long the struts have run lately, so they count as spent for another {for_s:.0f} s "
                 f"of robot time; if they have rested, start the bridge with rested_s:={window_s:.1f} (the way back is open)"

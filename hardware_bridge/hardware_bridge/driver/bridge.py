@@ -56,8 +56,8 @@ class Bridge:
     Args:
         port: path, or `socket://HOST:PORT`.
         rules: calibration, limits, pacing and shape check (a function of six rest lengths in m that returns what is wrong, or
-            None). It may be slow: it is asked once a shape, in the caller's thread and outside the lock, before a command is
-            judged; the supervisor and the frame loop look its verdicts up.
+            the struts' axial forces in N, or None). It may be slow: it is asked once a shape, in the caller's thread and outside
+            the lock, before a command is judged; the supervisor and the frame loop look its verdicts up.
         board: what sits behind the port; LSC by default.
         baud: rate between radio and board; None: the board's usual one.
         time_scale: robot seconds per second; None takes the virtual prototype's, or 1 on a real port.
@@ -103,8 +103,8 @@ class Bridge:
         self.port = port
         self.board = board
         quantum_m = max(strut.quantum_m for strut in rules.calibration.struts)
-        shapes = ShapeMemory(rules.shape_check, 0.5 * SHAPE_STEP_M + quantum_m)
-        self.rules = replace(rules, shape_check=shapes.recall)
+        shapes = ShapeMemory(rules.shape_check, 0.5 * SHAPE_STEP_M + quantum_m, rules.limits.back_drive_n)
+        self.rules = replace(rules, shape_check=shapes.recall, loads=shapes.loads)
         self._judging_rules = replace(rules, shape_check=shapes.judge)
         self._wanted_time_scale = time_scale
         self._liveness_period_s = liveness_period_s

@@ -23,6 +23,7 @@ from hardware_bridge.driver.motion_handle import MotionHandle, MotionResult, Pro
 from hardware_bridge.errors import BridgeError, StateError
 from hardware_bridge.safety.command_age import Age
 from hardware_bridge.safety.limit_checks import Rules
+from hardware_bridge.safety.shape_cache import Verdict
 from hardware_bridge.safety.trajectory import Trajectory
 
 _log = logging.getLogger(__name__)
@@ -61,7 +62,7 @@ class Judged(NamedTuple):
     """To the host: the answer to a `Judge`."""
 
     number: int
-    problem: str | None
+    verdict: Verdict
 
 
 class Reply(NamedTuple):
@@ -100,7 +101,7 @@ class BridgeHost:
         self._bridge: Bridge | None = None
         self._is_open = False
         self._motions: dict[int, MotionHandle] = {}
-        self._verdicts: dict[int, SimpleQueue[str | None]] = {}
+        self._verdicts: dict[int, SimpleQueue[Verdict]] = {}
         self._judged = 0
         self._lock = threading.Lock()
         self._waiting: SimpleQueue[bytes] = SimpleQueue()
@@ -120,7 +121,7 @@ class BridgeHost:
             while True:
                 message = pickle.loads(self._connection.recv_bytes(MOST_BYTES))
                 if isinstance(message, Judged):
-                    self._verdicts[message.number].put(message.problem)
+                    self._verdicts[message.number].put(message.verdict)
                 elif message.name in _SLOW:
                     threading.Thread(target=self._answer, args=(message,), name=message.name, daemon=True).start()
                 else:
@@ -231,16 +232,16 @@ class BridgeHost:
                 if snapshot.session:  # else it is just being opened, and knows nothing yet
                     self._tell(Refreshed(snapshot, motions))
 
-    def _ask(self, lengths_m: tuple[float, ...]) -> str | None:
-        answer: SimpleQueue[str | None] = SimpleQueue()
+    def _ask(self, lengths_m: tuple[float, ...]) -> Verdict:
+        answer: SimpleQueue[Verdict] = SimpleQueue()
         with self._lock:
             self._judged += 1
             number = self._judged
             self._verdicts[number] = answer
         self._tell(Judge(number, lengths_m))
-        problem = answer.get()
+        verdict = answer.get()
         del self._verdicts[number]
-        return problem
+        return verdict
 
     def _tell(self, message: Any) -> None:
         self._waiting.put(pickle.dumps(message))

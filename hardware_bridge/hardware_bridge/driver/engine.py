@@ -13,8 +13,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from hardware_bridge.boards.board import Board
 from hardware_bridge.driver.events import Callbacks, FaceEvent, SentEvent, Snapshot
 from hardware_bridge.driver.motion_handle import MotionHandle, MotionResult, Progress
@@ -301,6 +299,7 @@ class Engine:
             energised=before.energised,
             last_frame=before.last_frame,
             duty=before.duty,
+            ticked_s=before.ticked_s,
             motion=before.motion if self.state.motion is not None else None,
             energising=before.energising if self.state.mode is before.mode else self.state.energising,
         )
@@ -349,7 +348,7 @@ class Engine:
     def snapshot(self) -> Snapshot:
         """Everything at this instant."""
         with self.lock:
-            state, count = self.state, self._count
+            state, count, now_s = self.state, self._count, self.clock.now().robot_s
             return Snapshot(
                 robot_time_ns=max(count.robot_time_ns, self.clock.now_ns()),
                 last_seq=count.seq,
@@ -369,14 +368,14 @@ class Engine:
                 calibration_hash=self._rules.calibration.hash,
                 robot=self._rules.calibration.robot or "",
                 answered=self.link.has_answered,
-                duty_known=bool(np.isfinite(state.duty.used_s(self.clock.now().robot_s, self._rules.limits)).all()),
+                duty_known=state.duty.is_known(now_s, self._rules.limits),
                 battery_mv=self.link.battery_mv,
-                duty_left_s=state.duty.left_s(self.clock.now().robot_s, self._rules.limits),
+                duty_left_s=state.duty.left_s(now_s, self._rules.limits),
                 frames_sent=count.frames_sent,
                 write_errors=self.link.write_errors,
                 late_periods=count.late_periods,
                 congested_periods=self.link.congested_periods,
-                duty_limit_s=self._rules.limits.duty_s,
+                duty_limit_s=min(budget_s for _, budget_s in self._rules.limits.duty_windows),
                 supply_low_v=self._rules.limits.supply_low_v,
                 write_latency=self._latency.percentiles(),
                 reopened=count.reopened,

@@ -93,9 +93,9 @@ class Snapshot:
         robot: the robot's name, by its calibration; empty: it names none.
         answered: the board has answered since the port was opened.
         battery_mv: last reply of the board, in [mV]; None before the first.
-        duty_left_s: robot time that the strut that ran longest lately may still run, in [s].
+        duty_left_s: how long the strut that has least left may still run without a pause, over both windows, in robot time, in [s].
         duty_known: somebody knows how long the struts ran lately; else it counts as spent.
-        duty_limit_s: its whole budget within the window, in [s].
+        duty_limit_s: what a strut that has rested may run, in [s].
         supply_low_v: servo supply below which no gait is begun, in [V].
         write_latency: how long the port took to take each frame, the last 1200.
         reopened: how often a lost link was opened again since `open`.

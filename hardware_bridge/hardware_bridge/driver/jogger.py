@@ -76,7 +76,7 @@ class Jogger:
     @property
     def history_is_known(self) -> bool:
         """Whether anybody knows how long the struts have run lately."""
-        return bool(np.isfinite(self._duty.used_s(self._now_s, self._limits)).all())
+        return self._duty.is_known(self._now_s, self._limits)
 
     def rested(self, rested_s: float) -> None:
         """The operator's word, before anything has moved: for so long the actuators have rested, in [s] of robot time."""
@@ -85,11 +85,11 @@ class Jogger:
     def require_rest(self, strut: int, run_s: float = STEP_S) -> None:
         """Raises DutyError: a strut (from 0) has run too long lately to run for `run_s` more, and how long to wait."""
         limits, now_s = self._limits, self._now_s
-        used_s = float(self._duty.used_s(now_s, limits)[strut])
-        if used_s + run_s > limits.duty_s:
-            needs_s = np.eye(len(STRUT_NAMES))[strut] * run_s
-            wait_s = self._duty.wait_s(needs_s, now_s, limits)
-            raise DutyError(STRUT_NAMES[strut], used_s, run_s, limits.duty_s, limits.duty_window_s, wait_s)
+        for window_s, budget_s in limits.duty_windows:
+            used_s = float(self._duty.used_s(now_s, window_s)[strut])
+            if used_s + run_s > budget_s:
+                wait_s = self._duty.wait_s(run_s * np.eye(len(STRUT_NAMES))[strut], now_s, limits)
+                raise DutyError(STRUT_NAMES[strut], used_s, run_s, budget_s, window_s, wait_s)
 
     def pulse_us(self, channel: int) -> int | None:
         """Last pulse sent to a channel, in [us]; None where nobody knows."""
@@ -130,8 +130,7 @@ class Jogger:
         pulses = self._pulses_us | {channel: pulse_us}
         before = self._pulses_us.get(channel, pulse_us)
         self._records.pulses.save(list(pulses), list(pulses.values()))
-        moved = [index == strut for index in range(len(STRUT_NAMES))]
-        self._duty = self._duty.ran(moved, run_s, self._now_s, self._limits)
+        self._duty = self._duty.ran(run_s * np.eye(len(STRUT_NAMES))[strut], self._now_s, self._limits)
         self._records.duty.save(self._duty, self._now_s)
         self._transport.write_all(self._board.encode_move([pulse_us], [channel], round(STEP_S * 1e3), [before]))
         self._pulses_us = pulses

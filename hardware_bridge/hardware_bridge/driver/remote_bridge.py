@@ -166,10 +166,10 @@ class HostProcess:
         while (question := self._judging.get()) is not None:
             bridge = self._bridge
             try:
-                problem = "no bridge is open" if bridge is None else bridge.rules.shape_check(question.lengths_m)
+                verdict = "no bridge is open" if bridge is None else bridge.rules.shape_check(question.lengths_m)
             except Exception as failure:  # whatever it is: what was not judged does not move
-                problem = f"cannot be judged, internal error: {failure!r}"
-            self.tell(Judged(question.number, problem))
+                verdict = f"cannot be judged, internal error: {failure!r}"
+            self.tell(Judged(question.number, verdict))
 
 
 _P = ParamSpec("_P")

@@ -4,7 +4,7 @@
 The two are written separately on purpose: a mistake in one does not open the other.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -14,7 +14,7 @@ from hardware_bridge.calibration.whole_pulses import rounded_m
 from hardware_bridge.errors import LimitError, ShapeError, TrajectoryError
 from hardware_bridge.safety.limits import Limits, Pacing
 from hardware_bridge.safety.path_extremes import most_hasty, points_along
-from hardware_bridge.safety.shape_cache import ShapeCheck
+from hardware_bridge.safety.shape_cache import NO_LOADS, Loads, ShapeCheck
 from hardware_bridge.safety.trajectory import Trajectory
 from sim_core.names import STRUT_NAMES
 
@@ -32,6 +32,11 @@ def any_shape(_lengths_m: tuple[float, ...]) -> str | None:
     return None
 
 
+def no_loads(_lengths_m: tuple[float, ...]) -> Loads:
+    """The loads of somebody who knows no forces."""
+    return NO_LOADS
+
+
 @dataclass(frozen=True)
 class Rules:
     """Everything that decides whether a command or frame is permitted.
@@ -41,12 +46,14 @@ class Rules:
         limits: of commands.
         pacing: of frames.
         shape_check: judges six rest lengths together; applied to every mm of every path, and to every frame.
+        loads: which struts are held against more than their back-drive force at six rest lengths; asked at every frame.
     """
 
     calibration: Calibration
     limits: Limits = field(default_factory=Limits)
     pacing: Pacing = field(default_factory=Pacing)
     shape_check: ShapeCheck = any_shape
+    loads: Callable[[tuple[float, ...]], Loads] = no_loads
 
 
 def check_trajectory(rules: Rules, present_m: Sequence[float], trajectory: Trajectory) -> Trajectory:
@@ -111,7 +118,7 @@ def check_shapes(rules: Rules, path: Trajectory) -> None:
         )
     for time_s, lengths_m in zip(points[0], rounded_m(rules.calibration, points[1]).tolist(), strict=True):
         problem = rules.shape_check(tuple(lengths_m))
-        if problem is not None:
+        if isinstance(problem, str):
             raise ShapeError(tuple(lengths_m), problem, f"at {time_s:.2f} s")
 
 
@@ -169,7 +176,7 @@ def check_frame(
         return
     lengths_m = calibration.lengths_m(pulses_us)
     problem = rules.shape_check(lengths_m)
-    if problem is not None:
+    if isinstance(problem, str):
         raise ShapeError(lengths_m, problem, "in a frame")
 
 

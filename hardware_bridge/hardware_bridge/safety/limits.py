@@ -35,6 +35,9 @@ class Limits(_Ranged):
         goal_age_s: oldest stamp of a goal, in [s] of wall time.
         duty_fraction: part of a window that a strut may run; its actuator's maker permits 0.2.
         duty_window_s: that window, in [s] of robot time: of one minute in five, ten minutes make two.
+        burst_fraction: as `duty_fraction`, of a short window: nothing runs through the whole of the minute in five.
+        burst_window_s: that window, in [s] of robot time.
+        back_drive_n: axial force of a strut, either way, that its actuator holds without power, in [N]. Held against more, it runs.
         supply_low_v: servo supply below which no motion that loads the struts is begun, in [V]. A board that does not tell its
             supply is not judged.
         lease_silence_s: longest silence of the lease's holder, in [s] of wall time: it is a process that must prove its life,
@@ -49,12 +52,25 @@ class Limits(_Ranged):
     lease_silence_s: float = _number(1.0, 0.2, 10.0)
     duty_fraction: float = _number(0.2, 0.01, 1.0)
     duty_window_s: float = _number(600.0, 10.0, 3600.0)
+    burst_fraction: float = _number(0.8, 0.01, 1.0)
+    burst_window_s: float = _number(60.0, 5.0, 600.0)
+    back_drive_n: float = _number(46.0, 0.1, 1e5)
     supply_low_v: float = _number(6.4, 0.1, 60.0)
 
     @property
     def duty_s(self) -> float:
-        """How long a strut may run within the window, in [s] of robot time."""
+        """How long a strut may run within the long window, in [s] of robot time."""
         return self.duty_fraction * self.duty_window_s
+
+    @property
+    def duty_windows(self) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Both windows, and how long a strut may run within each, in [s] of robot time."""
+        return (self.duty_window_s, self.duty_s), (self.burst_window_s, self.burst_fraction * self.burst_window_s)
+
+    @property
+    def longest_window_s(self) -> float:
+        """What ran longer ago counts nowhere, in [s] of robot time."""
+        return max(self.duty_window_s, self.burst_window_s)
 
 
 @dataclass(frozen=True)

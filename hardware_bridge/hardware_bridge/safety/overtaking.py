@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 from hardware_bridge.safety.supervisor_messages import Motion
 from hardware_bridge.safety.trajectory import CLOSEST_S, Trajectory
 
+_SAME_S = 1e-9
+"""Times of a path that are nearer to each other are one."""
+
 
 def joined(motion: Motion, from_s: float, trajectory: Trajectory, speed_m_s: float) -> Trajectory:
     """What is left of a motion's path until `from_s`, and a trajectory from there on; time 0 is the motion's progress.
@@ -18,10 +21,10 @@ def joined(motion: Motion, from_s: float, trajectory: Trajectory, speed_m_s: flo
     """
     path, since_s = motion.path, motion.progress_s
     from_s = min(from_s, path.duration_s)
-    left = (path.times_s > since_s) & (path.times_s < from_s)
+    left = (path.times_s >= since_s + _SAME_S) & (path.times_s <= from_s - _SAME_S)
     times, lengths = path.times_s[left] - since_s, path.lengths_m[left]
     at_m, at_s = path.at(from_s), from_s - since_s
-    if at_s > 0.0:
+    if at_s >= _SAME_S:
         times, lengths = np.append(times, at_s), np.vstack((lengths, at_m))
     after = paced(at_m, trajectory, speed_m_s)
     return Trajectory(np.concatenate((times, at_s + after.times_s)), np.concatenate((lengths, after.lengths_m)))

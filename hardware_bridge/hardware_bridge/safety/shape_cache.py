@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Verdicts on shapes, made before a command is judged and only looked up while it is: the frame loop never waits for a solver."""
 
+import math
 import threading
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
@@ -8,9 +9,19 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from hardware_bridge.errors import SEND_AGAIN
+from sim_core.names import STRUT_NAMES
 
-ShapeCheck = Callable[[tuple[float, ...]], str | None]
-"""Takes six rest lengths [m]; returns what is wrong with the shape, or None."""
+Verdict = str | tuple[float, ...] | None
+"""What is wrong with a shape; or the axial forces of its struts, six, in [N]; or None: nothing is wrong, and no force is known."""
+
+ShapeCheck = Callable[[tuple[float, ...]], Verdict]
+"""Takes six rest lengths [m]."""
+
+Loads = tuple[bool, ...]
+"""Whether each strut is held against more than its back-drive force."""
+
+NO_LOADS: Loads = (False,) * len(STRUT_NAMES)
+ALL_LOADS: Loads = (True,) * len(STRUT_NAMES)
 
 MOST_SHAPES = 40000
 """More than twice what the longest path may have, see `limit_checks.MOST_SHAPES`: it fits beside what was judged before it."""
@@ -24,43 +35,72 @@ class ShapeMemory:
     Args:
         judge: the slow one; called by one thread at a time, with nothing of ours locked but this.
         near_m: how far, strut by strut, a frame may be from a permitted shape to count as that shape, in [m].
+        back_drive_n: the axial force that a strut holds without power, in [N].
     """
 
-    def __init__(self, judge: ShapeCheck, near_m: float) -> None:
+    def __init__(self, judge: ShapeCheck, near_m: float, back_drive_n: float = math.inf) -> None:
         self._judge = judge
         self._near_m = near_m
-        self._verdicts: OrderedDict[tuple[float, ...], str | None] = OrderedDict()
-        self._permitted: np.ndarray | None = None
+        self._back_drive_n = back_drive_n
+        self._problems: OrderedDict[tuple[float, ...], str | None] = OrderedDict()
+        self._loads: dict[tuple[float, ...], Loads] = {}
+        self._permitted: tuple[np.ndarray, np.ndarray] | None = None
+        self._knows_forces = False
         self._lock = threading.Lock()
         self._judging = threading.Lock()
 
     def judge(self, lengths_m: Sequence[float]) -> str | None:
-        """The verdict, asking the judge if it is a new shape. Not under the bridge's lock."""
+        """What is wrong, asking the judge if it is a new shape. Not under the bridge's lock."""
         key = _key(lengths_m)
         with self._judging:
             with self._lock:
-                if key in self._verdicts:
-                    self._verdicts.move_to_end(key)
-                    return self._verdicts[key]
+                if key in self._problems:
+                    self._problems.move_to_end(key)
+                    return self._problems[key]
             verdict = self._judge(key)
+            problem = verdict if isinstance(verdict, str) else None
             with self._lock:
-                self._verdicts[key] = verdict
-                while len(self._verdicts) > MOST_SHAPES:
-                    self._verdicts.popitem(last=False)
+                self._problems[key] = problem
+                if isinstance(verdict, tuple):
+                    self._knows_forces = True
+                    self._loads[key] = tuple(abs(force_n) > self._back_drive_n for force_n in verdict)
+                while len(self._problems) > MOST_SHAPES:
+                    self._loads.pop(self._problems.popitem(last=False)[0], None)
                 self._permitted = None
-            return verdict
+            return problem
 
     def recall(self, lengths_m: Sequence[float]) -> str | None:
-        """The verdict on this shape, or None if a permitted one is near; what nobody has judged is not permitted."""
+        """What is wrong, or None if a permitted shape is near; what nobody has judged is not permitted."""
         key = _key(lengths_m)
         with self._lock:
-            if key in self._verdicts:
-                return self._verdicts[key]
-            if self._permitted is None:
-                good = [shape for shape, problem in self._verdicts.items() if problem is None]
-                self._permitted = np.array(good).reshape(-1, len(key))
-            near = np.abs(self._permitted - np.array(key)).max(axis=1, initial=0.0) <= self._near_m
-            return None if near.any() else NOT_JUDGED
+            if key in self._problems:
+                return self._problems[key]
+            return None if len(self._near(key)) else NOT_JUDGED
+
+    def loads(self, lengths_m: Sequence[float]) -> Loads:
+        """Which struts are loaded in this shape, or in any permitted one that is near.
+
+        In a shape that nobody has judged, or that is not permitted, all are: too much is counted rather than too little. Of a judge
+        that has never told a force, none.
+        """
+        key = _key(lengths_m)
+        with self._lock:
+            if not self._knows_forces:
+                return NO_LOADS
+            if key in self._problems:
+                return self._loads.get(key, ALL_LOADS)
+            near = self._near(key)
+            return tuple(near.any(axis=0).tolist()) if len(near) else ALL_LOADS
+
+    def _near(self, key: tuple[float, ...]) -> np.ndarray:
+        """Loads of the permitted shapes near one, (n, 6)."""
+        if self._permitted is None:
+            good = [shape for shape, problem in self._problems.items() if problem is None]
+            loads = [self._loads.get(shape, ALL_LOADS) for shape in good]
+            self._permitted = np.array(good).reshape(-1, len(key)), np.array(loads).reshape(-1, len(key))
+        shapes, loads_of = self._permitted
+        near: np.ndarray = loads_of[np.abs(shapes - np.array(key)).max(axis=1, initial=0.0) <= self._near_m]
+        return near
 
 
 def _key(lengths_m: Sequence[float]) -> tuple[float, ...]:

@@ -33,7 +33,7 @@ from hardware_bridge.safety.board_position import MoveTime
 from hardware_bridge.safety.duty_cycle import check_duty, returns
 from hardware_bridge.safety.homing import homing_path, known_pulses
 from hardware_bridge.safety.limit_checks import Rules, check_homing, check_trajectory
-from hardware_bridge.safety.overtaking import joined
+from hardware_bridge.safety.overtaking import joined, paced
 from hardware_bridge.safety.supervisor_messages import (
     HOMING_NUMBER,
     NONE_ENERGISED,
@@ -96,7 +96,7 @@ class Supervisor:
         """The next state and what to do. Raises Refused: the event changes nothing."""
         match event:
             case Tick():
-                return self._tick(state, now, event.congested)
+                return self._tick(self._held(state, now), now, event.congested)
             case Prove():
                 return self._prove(state, event, now), ()
             case Arm():
@@ -139,6 +139,7 @@ class Supervisor:
             resume_s=now.robot_s,
             last_frame=state.last_frame if pulses_us == state.pulses_us else None,
             duty=state.duty,
+            ticked_s=state.ticked_s,
             supply_mv=state.supply_mv,
         )
 
@@ -146,7 +147,7 @@ class Supervisor:
         self._require_command(state, event, now)
         if state.motion is not None:
             raise StateError("execute", state.mode, "a motion is running; wait for its end, cancel it, or overtake it")
-        return self._begin(state, event, event.trajectory, now)
+        return self._begin(state, event, event.trajectory, event.trajectory.starting_at(self._lengths_m(state)), now)
 
     def _overtake(self, state: State, event: Overtake, now: Now) -> Result:
         """The rest of the old path and the new one are judged as one motion, that begins where the board is."""
@@ -157,7 +158,9 @@ class Supervisor:
         if event.from_s < motion.progress_s:
             raise StateError("overtake", state.mode, f"motion {event.running} is beyond {event.from_s:.3f} s; {SEND_AGAIN}")
         path = joined(motion, event.from_s, event.asked.trajectory, self.rules.limits.speed_m_s)
-        after = self._begin(state, event.asked, path, now)
+        from_m = motion.path.at(event.from_s)
+        asked = paced(from_m, event.asked.trajectory, self.rules.limits.speed_m_s).starting_at(from_m.tolist())
+        after = self._begin(state, event.asked, path, asked, now)
         assert after.motion is not None
         after = replace(after, motion=replace(after.motion, ticked_s=motion.ticked_s))
         why = f"overtaken by motion {event.asked.number}"
@@ -170,9 +173,11 @@ class Supervisor:
         if not state.homed or state.mode not in (Mode.ARMED, Mode.HOLD):
             raise StateError("execute", state.mode, "wait for ARMED in the bridge's state")
 
-    def _begin(self, state: State, event: Execute, trajectory: Trajectory, now: Now) -> State:
+    def _begin(self, state: State, event: Execute, trajectory: Trajectory, asked: Trajectory, now: Now) -> State:
+        """A motion along a trajectory, of which what was `asked` is new: if that is a way back, it needs no strength."""
         path = check_trajectory(self.rules, self._lengths_m(state), trajectory)
-        self._require_strength(state, path, now)
+        if not returns(asked, self.rules.calibration):
+            self._require_strength(state, path, now)
         limit_s = self.rules.limits.goal_age_s  # last: what is too old is worth sending again only if nothing else is wrong
         if not abs(event.stamp_age_s) <= limit_s:  # also not-a-number
             raise StaleError(event.stamp_age_s, limit_s)
@@ -181,8 +186,6 @@ class Supervisor:
     def _require_strength(self, state: State, path: Trajectory, now: Now) -> None:
         """Duty and supply for a motion that loads the struts; the way back to mid stroke is always open."""
         limits = self.rules.limits
-        if returns(path, self.rules.calibration):
-            return
         check_duty(state.duty, path, now.robot_s, self.rules)
         if state.supply_mv is not None and state.supply_mv * 1e-3 < limits.supply_low_v:
             raise SupplyError(state.supply_mv * 1e-3, limits.supply_low_v)
@@ -228,6 +231,14 @@ class Supervisor:
 
     # ---- time -------------------------------------------------------------------------------------------------------
 
+    def _held(self, state: State, now: Now) -> State:
+        """With the time counted since the last tick for every strut under power that works to hold, in whatever state."""
+        since_s = 0.0 if state.ticked_s is None else max(0.0, now.robot_s - state.ticked_s)
+        loads = self.rules.loads(self._lengths_m(state)) if any(state.energised) else NONE_ENERGISED
+        runs_s = [since_s * (on and load) for on, load in zip(state.energised, loads, strict=True)]
+        duty = state.duty.ran(runs_s, now.robot_s, self.rules.limits) if any(runs_s) else state.duty
+        return replace(state, ticked_s=now.robot_s, duty=duty)
+
     def _tick(self, state: State, now: Now, congested: bool) -> Result:
         if state.lease is not None and self._silent(state.lease, now):
             limit_s = self.rules.limits.lease_silence_s
@@ -272,16 +283,18 @@ class Supervisor:
         pulses_us = tuple(int(pulse) for pulse in target_us)
         moved = Motion(motion.number, motion.path, progress_s, now.robot_s)
         kind = Kind.HOME if motion.number == HOMING_NUMBER else Kind.MOVE
-        turned = tuple(new != old for new, old in zip(pulses_us, state.pulses_us, strict=True))
-        duty = state.duty.ran(turned, min(elapsed_s, period_s), now.robot_s, self.rules.limits)
+        turned = target_us != self._pulses(state)
         after = replace(
             state,
             motion=moved,
             pulses_us=pulses_us,
             energised=(True,) * len(STRUT_NAMES),
             last_frame=self._frame(where, pulses_us, now),
-            duty=duty,
         )
+        # A strut that is loaded before and after is counted by the clock, see `_held`.
+        loads = np.logical_and(self.rules.loads(self._lengths_m(state)), self.rules.loads(self._lengths_m(after)))
+        runs_s = min(elapsed_s, period_s) * (turned & ~loads)
+        after = replace(after, duty=state.duty.ran(runs_s, now.robot_s, self.rules.limits))
         return after, (Send(kind, _ALL, pulses_us, self._frame_ms),)
 
     def _permitted_advance_s(self, motion: Motion, elapsed_s: float, where: _Where) -> float:

@@ -113,6 +113,7 @@ class State:
         resume_s: robot time at which homing goes on.
         last_frame: see `LastFrame`.
         duty: how long each strut has run lately.
+        ticked_s: robot time until which holding is counted; None before the first tick.
         supply_mv: servo supply as the board last told it, in [mV]; None where it never did.
     """
 
@@ -127,6 +128,7 @@ class State:
     resume_s: float = 0.0
     last_frame: LastFrame | None = None
     duty: Duty = field(default_factory=Duty)
+    ticked_s: float | None = None
     supply_mv: int | None = None
     unknown_why: str = ""
 

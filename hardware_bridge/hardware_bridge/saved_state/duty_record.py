@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hardware_bridge.errors import StateFileError
-from hardware_bridge.safety.duty_cycle import Duty
+from hardware_bridge.safety.duty_cycle import SPELL_S, Duty, Spell
 from hardware_bridge.safety.limits import Limits
 from hardware_bridge.saved_state import state_file
 from hardware_bridge.saved_state.robot_identity import NAMELESS, Identity, record_path
@@ -29,7 +29,6 @@ UNKNOWN_S = math.inf
 """The running time of a spell of which nothing is known: more than any budget."""
 
 _BOOT = Path("/proc/sys/kernel/random/boot_id")
-_PARTS = 60
 _MOST_SPELLS = 1000
 _YEAR_2024_S = 1_704_067_200.0
 
@@ -65,7 +64,7 @@ class DutyRecord:
             rested_s: for how long the actuators have rested by the operator's word, in [s] of robot time. It is taken for what
                 nobody knows, not against what the record knows.
         """
-        window_s = self._limits.duty_window_s
+        window_s = self._limits.longest_window_s
         known_s, spells = self._past(self.path, time_scale, rested_s)
         if not self.identity.is_known:
             known_s = 0.0  # of some robot without a name, not of this one
@@ -76,9 +75,13 @@ class DutyRecord:
                 known_s = min(known_s, 0.0)
         known_s = max(known_s, rested_s, 0.0)
         self._known_since_s = now_s - known_s
+        # A record of an older software has spells as long as this, and does not say when they ended.
+        longest_s = max(SPELL_S, self._limits.duty_window_s / 60)
+        loaded = [Spell(now_s - age_s, now_s - max(0.0, age_s - longest_s), run_s) for age_s, run_s in spells]
         if known_s < window_s:
-            spells.append((known_s + window_s / _PARTS, (UNKNOWN_S,) * len(STRUT_NAMES)))
-        return Duty(tuple(sorted((now_s - age_s, run_s) for age_s, run_s in spells)))
+            since_s = now_s - known_s - SPELL_S
+            loaded.append(Spell(since_s, since_s, (UNKNOWN_S,) * len(STRUT_NAMES)))
+        return Duty(tuple(sorted(loaded)))
 
     def save(self, duty: Duty, now_s: float, force: bool = False) -> None:
         """Replaces the record if it has changed, and not more often than is useful unless `force` is set.
@@ -89,14 +92,13 @@ class DutyRecord:
         wall_s = time.monotonic()
         if not force and (duty == self._saved or wall_s - self._saved_s < SAVE_PERIOD_S):
             return
-        known = [spell for spell in duty.spells if math.isfinite(sum(spell[1]))]
         data: dict[str, object] = {
             "robot": self.identity.robot,
             "boot": _boot(),
             "steady_s": _steady_s(),
             "wall_s": _wall_s(),
-            "known_s": round(max(0.0, min(now_s - self._known_since_s, self._limits.duty_window_s)), 3),
-            "spells": [[round(now_s - start_s, 3), [round(run, 3) for run in run_s]] for start_s, run_s in known],
+            "known_s": round(max(0.0, min(now_s - self._known_since_s, self._limits.longest_window_s)), 3),
+            "spells": [[round(now_s - s.start_s, 3), [round(run, 3) for run in s.run_s]] for s in duty.spells if s.is_known],
         }
         state_file.write(self.path, data, "the struts' running time")
         self._saved, self._saved_s = duty, wall_s

@@ -92,14 +92,21 @@ class ShapeJudge:
         Args:
             lengths_m: six absolute rest lengths.
         """
+        verdict = self.verdict(lengths_m)
+        return verdict if isinstance(verdict, str) else None
+
+    def verdict(self, lengths_m: Sequence[float]) -> str | tuple[float, ...]:
+        """What is wrong with the shape; or the axial forces of the six struts, in N, tension positive: nothing is."""
         with self._lock:
             try:
-                problem = self._problem(self._settled(lengths_m))
+                shape = self._settled(lengths_m)
+                problem = self._problem(shape)
             except SimError as error:
                 problem = str(error)
             if problem is not None:
                 self._robot = self._neutral()  # what has collapsed may come back in a knot
-            return problem
+                return problem
+            return tuple(shape.forces_n.tolist())
 
     def shape(self, lengths_m: Sequence[float]) -> Shape:
         """The equilibrium at six absolute rest lengths. Raises DivergedError: there is none."""

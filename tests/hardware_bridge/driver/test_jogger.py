@@ -91,7 +91,7 @@ def test_what_is_moved_by_hand_counts_for_the_bridge(wire: Wire, tmp_path: Path)
     jogger.go(2, 5, 1500)
     jogger.go(2, 5, 1400)
     jogger.close()
-    used_s = DutyRecord(tmp_path, BLUE, LIMITS).load(0.0, 1.0).used_s(0.0, LIMITS)
+    used_s = DutyRecord(tmp_path, BLUE, LIMITS).load(0.0, 1.0).used_s(0.0, LIMITS.duty_window_s)
     assert used_s == pytest.approx([0.0, 0.0, FIRST_MOVE_S + 10 * STEP_S, 0.0, 0.0, 0.0])
 
 

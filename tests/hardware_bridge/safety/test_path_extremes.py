@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.errors import DutyError, LimitError, Refused, ShapeError, SupplyError, TrajectoryError
-from hardware_bridge.safety.duty_cycle import Duty, check_duty, returns, run_time_s
+from hardware_bridge.safety.duty_cycle import Duty, check_duty, returns, run_times_s
 from hardware_bridge.safety.limit_checks import Rules, check_shapes, check_trajectory
 from hardware_bridge.safety.limits import Limits, Pacing
 from hardware_bridge.safety.path_extremes import points_along
@@ -64,7 +64,7 @@ densities = st.lists(st.floats(0.0, 1.0), max_size=200) | st.integers(2, 400).ma
 
 def verdict(path: Trajectory) -> tuple[object, ...]:
     """What the rules say, with what is said of it."""
-    said: list[object] = [returns(path, CALIBRATION), tuple(run_time_s(path, CALIBRATION, 0.05))]
+    said: list[object] = [returns(path, CALIBRATION), tuple(run_times_s(path, RULES).sum(axis=0))]
     try:
         check_trajectory(RULES, tuple(path.lengths_m[0]), path)
         said.append("permitted")
@@ -116,14 +116,14 @@ def test_frames_are_never_counted_to_run_longer_than_was_judged(data: st.DataObj
     path = Trajectory(path.times_s[1:], path.lengths_m[1:] - path.lengths_m[0] + MID_M)
     if not rig.accepts(path):
         return
-    needs_s = run_time_s(path.starting_at(MID), CALIBRATION, 0.05)
-    before_s = rig.engine.state.duty.used_s(0.0, rules.limits)
+    needs_s = run_times_s(path.starting_at(MID), rules).sum(axis=0)
+    before_s = rig.engine.state.duty.used_s(0.0, 3600.0)
     late = data.draw(st.lists(st.sampled_from([0.05, 0.05, 0.05, 0.06, 0.04, 0.09, 0.001]), min_size=1, max_size=30))
     number = 0
     while rig.engine.state.motion is not None:
         rig.tick(late[number % len(late)])
         number += 1
-    used_s = rig.engine.state.duty.used_s(0.0, rules.limits) - before_s
+    used_s = rig.engine.state.duty.used_s(0.0, 3600.0) - before_s
     assert (used_s <= needs_s + 1e-6).all()
 
 

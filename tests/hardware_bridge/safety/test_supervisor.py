@@ -6,6 +6,7 @@ import pytest
 
 from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.errors import (
+    DutyError,
     FaultLatched,
     LeaseError,
     LimitError,
@@ -15,9 +16,10 @@ from hardware_bridge.errors import (
     ShapeError,
     StaleError,
     StateError,
+    SupplyError,
 )
 from hardware_bridge.safety.limit_checks import Rules
-from hardware_bridge.safety.limits import Pacing
+from hardware_bridge.safety.limits import Limits, Pacing
 from hardware_bridge.safety.supervisor import Supervisor
 from hardware_bridge.safety.supervisor_messages import (
     Arm,
@@ -32,11 +34,13 @@ from hardware_bridge.safety.supervisor_messages import (
     Mode,
     MotionOutcome,
     Now,
+    Overtake,
     Prove,
     Reset,
     Send,
     State,
     Stop,
+    Supply,
     Tick,
 )
 from hardware_bridge.safety.trajectory import Trajectory
@@ -345,3 +349,82 @@ def test_an_internal_failure_latches_and_holds(armed: Driver) -> None:
     effects = armed.feed(Stop("bug"))
     assert isinstance(effects[0], Send)
     assert armed.state.mode is Mode.FAULT
+
+
+# ---- duty -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def loaded(rules: Rules) -> Driver:
+    """Under power at mid stroke, beside a judge that finds S2 loaded wherever S1 is out by more than 5 mm."""
+    driver = Driver(replace(rules, loads=lambda lengths_m: (False, lengths_m[0] > MID_M + 5e-3, *(False,) * 4)))
+    driver.arm()
+    driver.move(0.02, 2.0)
+    while driver.state.motion is not None:
+        driver.tick()
+    return driver
+
+
+def used_s(driver: Driver) -> np.ndarray:
+    return driver.state.duty.used_s(driver.time_s, driver.supervisor.rules.limits.duty_window_s)
+
+
+ENDS = {
+    "armed and idle": [],
+    "held": [Hold("cancelled")],
+    "given back": [Disarm("key")],
+    "stopped": [Stop()],
+    "reset": [Stop(), Reset()],
+}
+
+
+@pytest.mark.parametrize("how", ENDS)
+def test_a_strut_that_is_held_under_load_runs_in_every_state(loaded: Driver, how: str) -> None:
+    for event in ENDS[how]:
+        loaded.feed(event)
+    before_s = used_s(loaded)
+    for _ in range(100):
+        loaded.tick(0.1)
+    assert used_s(loaded) - before_s == pytest.approx([0, 10.0, 0, 0, 0, 0])
+
+
+def test_a_strut_without_power_does_not_run(loaded: Driver) -> None:
+    loaded.feed(LinkDown("gone"))
+    before_s = used_s(loaded)
+    loaded.tick(10.0)
+    assert (used_s(loaded) == before_s).all()
+
+
+def test_a_strut_that_moves_under_load_is_counted_once(loaded: Driver) -> None:
+    before_s = used_s(loaded)
+    loaded.feed(Execute(Trajectory([2.0], [[MID_M + 0.02, MID_M + 0.02, *MID[2:]]]), "key", 0.0, 2))
+    for _ in range(40):
+        loaded.tick()
+    assert used_s(loaded) - before_s == pytest.approx([0, 2.0, 0, 0, 0, 0])
+
+
+def test_the_way_back_may_overtake_whatever_duty_and_supply_are(rules: Rules) -> None:
+    driver = Driver(replace(rules, limits=Limits(duty_window_s=10.0)))
+    driver.arm()
+    driver.move(0.02, 1.6)
+    driver.tick()
+    driver.feed(Supply(6000))
+    further = Execute(Trajectory([2.2], [[MID_M + 0.04, *MID[1:]]]), "key", 0.0, 2)
+    assert isinstance(driver.refusal(Overtake(further, 1, 0.3)), DutyError)
+    short = Execute(Trajectory([0.1], [[MID_M + 0.006, *MID[1:]]]), "key", 0.0, 2)
+    assert isinstance(driver.refusal(Overtake(short, 1, 0.3)), SupplyError)
+    back = Execute(Trajectory([1.0], [MID]), "key", 0.0, 2)
+    (finished,) = driver.feed(Overtake(back, 1, 0.3))
+    assert isinstance(finished, Finished)
+    assert finished.outcome is MotionOutcome.OVERTAKEN
+    while driver.state.motion is not None:
+        driver.tick()
+    assert driver.state.pulses_us == driver.supervisor.rules.calibration.pulses_us(list(MID))
+
+
+def test_a_motion_may_be_overtaken_within_a_hair_of_one_of_its_knots(armed: Driver) -> None:
+    armed.feed(Execute(Trajectory([0.2, 1.0], [[MID_M + 0.002, *MID[1:]], [MID_M + 0.01, *MID[1:]]]), "key", 0.0, 1))
+    for number, from_s in enumerate((0.2 + 1e-13, 0.2 - 1e-13, 1e-13), start=2):
+        back = Execute(Trajectory([1.0], [MID]), "key", 0.0, number)
+        (finished,) = armed.feed(Overtake(back, number - 1, from_s))
+        assert isinstance(finished, Finished)

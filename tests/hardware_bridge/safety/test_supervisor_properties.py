@@ -10,6 +10,7 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, pr
 
 from hardware_bridge.boards.lsc import Lsc
 from hardware_bridge.calibration.calibration_file import load_calibration
+from hardware_bridge.calibration.whole_pulses import exact_pulses_us, whole
 from hardware_bridge.errors import Refused, TrajectoryError
 from hardware_bridge.safety.duty_cycle import returns
 from hardware_bridge.safety.limit_checks import Rules
@@ -42,7 +43,8 @@ from tests.scale import examples
 MID_M = 0.234
 SPREAD_M = 0.07
 SILENCE_S = 1.0
-WINDOW_S, BUDGET_S = 30.0, 6.0
+WINDOWS = (30.0, 6.0), (10.0, 4.0)
+LOADED_M = 0.012
 LOW_MV = 6400
 
 
@@ -56,9 +58,10 @@ CALIBRATION = replace(
 )
 RULES = Rules(
     CALIBRATION,
-    Limits(duty_window_s=WINDOW_S, duty_fraction=BUDGET_S / WINDOW_S),
+    Limits(duty_window_s=30.0, duty_fraction=0.2, burst_window_s=10.0, burst_fraction=0.4),
     Pacing(energise_pause_s=0.1, homing_speed_m_s=0.02),
     shape,
+    lambda lengths_m: tuple(length - MID_M > LOADED_M for length in lengths_m),
 )
 
 tokens = st.sampled_from(["a", "b", "c", ""])
@@ -80,7 +83,8 @@ class AnySequence(RuleBasedStateMachine):
         self.ramps: list[tuple[float, float, float] | None] = [None] * 6  # where from, where to (us), since when: a board's own way
         self.accepted = False
         self.homed_alone: set[int] = set()
-        self.ran: list[tuple[float, np.ndarray]] = []  # when, and for how long which struts ran
+        self.ran: list[tuple[float, np.ndarray]] = []  # when, and for how long which struts ran, or were held under load
+        self.ticked_s: float | None = None
         self.supply_mv: int | None = None
 
     @initialize(known=st.booleans(), spread=st.integers(0, 400))
@@ -173,7 +177,9 @@ class AnySequence(RuleBasedStateMachine):
         after = self.state.motion
         assert after is not None
         assert after.number == motion.number + 1
-        self.judge_strength(after.path)
+        from_m = motion.path.at(min(motion.progress_s + ahead_s, motion.path.duration_s))
+        if not returns(Trajectory(range(len(ends) + 1), [from_m, *ends]), CALIBRATION):
+            self.judge_strength(after.path)
         kept_s = min(ahead_s, motion.path.duration_s - motion.progress_s)
         for time_s in np.linspace(0.0, kept_s, 7):
             assert np.abs(after.path.at(time_s) - motion.path.at(motion.progress_s + time_s)).max() <= 1.5e-4, "the old path first"
@@ -265,16 +271,23 @@ class AnySequence(RuleBasedStateMachine):
             speeds = np.abs(np.diff(knots, axis=0)) / np.diff([0.0, *times])[:, None]
             assert speeds.max() <= 0.02 + 2e-4 / min(np.diff([0.0, *times]))
             assert (knots.max(axis=1) - knots.min(axis=1)).max() <= SPREAD_M + 2e-4
-            self.judge_strength(Trajectory([0.0, *times], knots))
+            path = Trajectory([0.0, *times], knots)
+            if not returns(path, CALIBRATION):
+                self.judge_strength(path)
 
     def judge_strength(self, path: Trajectory) -> None:
-        """An accepted motion that loads the struts: the supply is not low, and no strut will have run too long."""
-        if returns(path, CALIBRATION):
-            return
+        """An accepted motion that loads the struts: the supply is not low, and no strut will have run too long anywhere on it."""
         assert self.supply_mv is None or self.supply_mv >= LOW_MV
-        used_s = sum((run_s for at_s, run_s in self.ran if at_s > self.time_s - WINDOW_S), np.zeros(6))
-        needs_s = ((np.abs(np.diff(path.lengths_m, axis=0)) > 0) * np.diff(path.times_s)[:, None]).sum(axis=0)
-        assert (used_s + needs_s).max() <= BUDGET_S + 1e-6
+        edges = np.arange(0.0, path.duration_s + 0.05, 0.05)
+        lengths_m = np.stack([np.interp(edges, path.times_s, column) for column in path.lengths_m.T], axis=1)
+        pulses_us = whole(exact_pulses_us(CALIBRATION, lengths_m))
+        held = (lengths_m[:-1] - MID_M > LOADED_M + 1e-4) & (lengths_m[1:] - MID_M > LOADED_M + 1e-4)
+        runs_s = 0.05 * ((np.diff(pulses_us, axis=0) != 0) | held)
+        at_s = np.array([*(at for at, _ in self.ran), *(self.time_s + edges[:-1])])
+        ran_s = np.array([*(run_s for _, run_s in self.ran), *runs_s])
+        for window_s, budget_s in WINDOWS:
+            for edge in self.time_s + edges[:-1:10]:
+                assert ran_s[(at_s > edge - window_s) & (at_s <= edge)].sum(axis=0).max() <= budget_s + 1e-6
 
     def feed(self, event: Event) -> tuple[object, ...]:
         before = self.state
@@ -284,6 +297,8 @@ class AnySequence(RuleBasedStateMachine):
             refused = error
         else:
             refused = None
+        if isinstance(event, Tick):
+            self.count_held(before)
         if refused is not None:
             assert "\n" not in str(refused)
             return (refused,)
@@ -310,6 +325,17 @@ class AnySequence(RuleBasedStateMachine):
             assert self.board == list(CALIBRATION.pulses_us([MID_M] * 6))
         return effects
 
+    def count_held(self, before: State) -> None:
+        """In whatever state: struts that hold under load since the tick before."""
+        held_s = 0.0 if self.ticked_s is None else self.time_s - self.ticked_s
+        self.ticked_s = self.time_s
+        self.ran.append((self.time_s, held_s * self.held(before)))
+
+    @staticmethod
+    def held(state: State) -> np.ndarray:
+        strokes_m = [0.0 if us is None else CALIBRATION.length_m(index, us) - MID_M for index, us in enumerate(state.pulses_us)]
+        return np.array(state.energised) & (np.array(strokes_m) > LOADED_M)
+
     def judge(self, send: Send, event: Event, before: State) -> None:
         known = list(before.pulses_us)
         changes = np.zeros(6)
@@ -332,7 +358,7 @@ class AnySequence(RuleBasedStateMachine):
         if send.kind in (Kind.MOVE, Kind.HOME):
             first = before.motion is None or before.motion.ticked_s is None
             run_s = 0.05 if first else min(0.05, self.time_s - before.motion.ticked_s)  # type: ignore[operator,union-attr]
-            self.ran.append((self.time_s, run_s * (changes > 0.0)))
+            self.ran.append((self.time_s, run_s * (changes > 0.0) * ~self.held(before)))
         if send.kind is Kind.ENERGISE:
             assert len(send.struts) == 1
             self.homed_alone.add(send.struts[0])
@@ -365,6 +391,12 @@ class AnySequence(RuleBasedStateMachine):
         """Frames fall between the judged ones: by rounding alone a shape may be over; the bridge's last gate stops it."""
         lengths_m = CALIBRATION.lengths_m(send.pulses_us)
         return max(lengths_m) - min(lengths_m) <= SPREAD_M + 2e-4
+
+    @invariant()
+    def all_that_heats_is_counted(self) -> None:
+        for window_s, _ in WINDOWS:
+            ran_s = sum((run_s for at_s, run_s in self.ran if at_s > self.time_s - window_s), np.zeros(6))
+            assert (self.state.duty.used_s(self.time_s, window_s) >= ran_s - 1e-6).all()
 
     @invariant()
     def nothing_moves_without_a_lease(self) -> None:

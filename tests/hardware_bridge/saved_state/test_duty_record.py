@@ -26,7 +26,6 @@ from tests.hardware_bridge.helpers import MID, MID_M, Wire
 
 LIMITS = Limits(duty_fraction=0.2, duty_window_s=60.0)
 BUDGET_S = 12.0
-ALL = (True,) * 6
 BLUE = Identity("blue", "c1", "lsc")
 VIRTUAL = Identity("instance 1", "c1", "lsc", "/run/prototype")
 
@@ -56,7 +55,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 
 
 def ran(run_s: float = 3.0) -> Duty:
-    return Duty().ran(ALL, run_s, 100.0, LIMITS)
+    return Duty().ran([run_s] * 6, 100.0, LIMITS)
 
 
 def save(folder: Path, identity: Identity = BLUE, duty: Duty | None = None, limits: Limits = LIMITS, rested_s: float = 1e6) -> None:
@@ -67,7 +66,7 @@ def save(folder: Path, identity: Identity = BLUE, duty: Duty | None = None, limi
 
 def used_s(folder: Path, identity: Identity = BLUE, limits: Limits = LIMITS, rested_s: float = 0.0, in_s: float = 0.0) -> float:
     """What counts still, if a bridge is opened now, `in_s` later."""
-    used = DutyRecord(folder, identity, limits).load(7.0, 1.0, rested_s).used_s(7.0 + in_s, limits)
+    used = DutyRecord(folder, identity, limits).load(7.0, 1.0, rested_s).used_s(7.0 + in_s, limits.duty_window_s)
     assert (used == used[0]).all()
     return round(float(used[0]), 6)
 
@@ -87,7 +86,7 @@ def test_it_belongs_to_the_actuators_and_outlives_calibration_and_board(tmp_path
 def test_rest_counts_in_robot_time(tmp_path: Path, clock: Clock) -> None:
     save(tmp_path, VIRTUAL)
     clock.sleep(10.0)
-    assert not DutyRecord(tmp_path, VIRTUAL, LIMITS).load(0.0, 10.0).used_s(0.0, LIMITS).any()
+    assert not DutyRecord(tmp_path, VIRTUAL, LIMITS).load(0.0, 10.0).used_s(0.0, LIMITS.duty_window_s).any()
 
 
 def test_a_robot_that_nobody_knows_has_spent_its_time_until_it_has_rested_for_a_window(tmp_path: Path, clock: Clock) -> None:
@@ -108,7 +107,7 @@ def test_a_virtual_prototype_is_new_until_it_has_run(tmp_path: Path, clock: Cloc
 
 def test_what_was_unknown_stays_so_over_restarts_until_the_operator_says_more(tmp_path: Path, clock: Clock) -> None:
     record = DutyRecord(tmp_path, BLUE, LIMITS)
-    duty = record.load(0.0, 1.0).ran(ALL, 2.0, 5.0, LIMITS)  # homing is never refused
+    duty = record.load(0.0, 1.0).ran([2.0] * 6, 5.0, LIMITS)  # homing is never refused
     record.save(duty, 10.0, force=True)
     assert used_s(tmp_path) == used_s(tmp_path, in_s=49.0) == math.inf
     assert used_s(tmp_path, in_s=51.0) == 2.0
@@ -116,10 +115,10 @@ def test_what_was_unknown_stays_so_over_restarts_until_the_operator_says_more(tm
 
 
 def test_a_larger_window_looks_back_further_than_the_record_goes(tmp_path: Path, clock: Clock) -> None:
-    save(tmp_path, limits=Limits(duty_window_s=10.0))
+    save(tmp_path, limits=Limits(duty_window_s=10.0, burst_window_s=10.0))
     assert used_s(tmp_path) == math.inf
     assert used_s(tmp_path, in_s=49.0) == math.inf
-    assert used_s(tmp_path, limits=Limits(duty_window_s=10.0)) == 3.0
+    assert used_s(tmp_path, limits=Limits(duty_window_s=10.0, burst_window_s=10.0)) == 3.0
 
 
 def test_what_moved_without_a_name_counts_for_every_real_robot(tmp_path: Path, clock: Clock) -> None:
@@ -228,7 +227,7 @@ def test_no_content_is_an_error_or_a_gift(tmp_path_factory: pytest.TempPathFacto
     save(folder, duty=ran(BUDGET_S))
     (path,) = folder.iterdir()
     path.write_text(json.dumps({**json.loads(path.read_text()), field: data}))
-    used = DutyRecord(folder, BLUE, LIMITS).load(0.0, 1.0).used_s(0.0, LIMITS)
+    used = DutyRecord(folder, BLUE, LIMITS).load(0.0, 1.0).used_s(0.0, LIMITS.duty_window_s)
     assert (used >= BUDGET_S).all() or field in ("spells", "wall_s", "steady_s")
     assert (used >= 0.0).all()
 

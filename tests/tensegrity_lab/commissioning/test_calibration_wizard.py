@@ -195,7 +195,7 @@ def test_a_real_board_that_nobody_knows_is_asked_about_and_its_robot_is_known_af
     assert person.leaves() == 130
     blue = Identity("blue one", "", "lsc")
     assert LastPulses(tmp_path / "state", blue).load([1]) == (1550,)
-    used_s = DutyRecord(tmp_path / "state", blue, Limits()).load(0.0, 1.0).used_s(0.0, Limits())
+    used_s = DutyRecord(tmp_path / "state", blue, Limits()).load(0.0, 1.0).used_s(0.0, Limits().duty_window_s)
     assert used_s[0] > 5.0
     assert not used_s[1:].any()
 

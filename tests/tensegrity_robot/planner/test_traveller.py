@@ -64,7 +64,8 @@ def pose(x, y, frame="odom"):
 def client(module_processes, domain):
     prototype = module_processes.node("virtual_prototype", "--time-scale", "12", "--perturbation", "0", "--actuators", "ideal")
     module_processes.node("twin")
-    module_processes.node("gait_planner", settle_timeout_s=200.0, keep_in="-2 -2, 2 -2, 2 2, -2 2")  # of robot time, while other tests may load this machine
+    # settle_timeout_s: of robot time, while other tests may load this machine
+    module_processes.node("gait_planner", settle_timeout_s=200.0, keep_in="-2 -2, 2 -2, 2 2, -2 2")
     traveller = module_processes.node("traveller")
     module_processes.node("hardware_bridge", lease_silence_s=5.0)
     prototype.says("ready")

@@ -168,9 +168,8 @@ class Session:
         for line in self._ledger.lines:
             at_s = utc_ns(line.began) / 1e9 if line.event is Event.BEGIN else -math.inf
             if at_s > now_s - 2.0 * limits.duty_window_s:
-                for strut, run_s in enumerate(runs_s(line.policy_mm, self._speed_m_s)):
-                    duty = duty.ran([strut == other for other in range(6)], float(run_s), at_s, limits)
-        return duty.wait_s(runs_s(slot.policy_mm, self._speed_m_s), now_s, limits)
+                duty = duty.ran(runs_s(line.policy_mm, self._speed_m_s).tolist(), at_s, limits)
+        return min(duty.wait_s(runs_s(slot.policy_mm, self._speed_m_s), now_s, limits), limits.longest_window_s)
 
     def _cool_down(self, slot: Slot) -> None:
         end = time.monotonic() + self._still_warm_s(slot)

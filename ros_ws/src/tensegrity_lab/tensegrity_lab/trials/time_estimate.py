@@ -78,11 +78,9 @@ def estimate(due: Sequence[Slot], face: str, pace: Pace) -> Estimate:
             face = placing(left)
             continue
         needs_s = runs_s(slot.policy_mm, pace.speed_m_s)
-        if (duty.used_s(now_s, limits) + needs_s > limits.duty_s).any():
-            wait_s = duty.wait_s(needs_s, now_s, limits)
-            rest_s, now_s = rest_s + wait_s, now_s + wait_s
-        for strut in range(6):
-            duty = duty.ran([strut == other for other in range(6)], float(needs_s[strut]), now_s, limits)
+        wait_s = min(duty.wait_s(needs_s, now_s, limits), limits.longest_window_s)
+        rest_s, now_s = rest_s + wait_s, now_s + wait_s
+        duty = duty.ran(needs_s.tolist(), now_s, limits)
         busy_s += needs_s
         now_s += float(needs_s.max()) + 2.0 * SETTLE_S + pace.hands_s * pace.time_scale
         left.remove(slot)

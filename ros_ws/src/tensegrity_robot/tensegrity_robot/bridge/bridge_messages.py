@@ -70,6 +70,7 @@ def bridge_state(snapshot: Snapshot, log: SessionLog | None, stamp: Time) -> Bri
         write_errors=snapshot.write_errors,
         battery_v=math.nan if snapshot.battery_mv is None else snapshot.battery_mv / 1e3,
         duty_left_s=snapshot.duty_left_s,
+        supply_low_v=snapshot.supply_low_v,
         session=snapshot.session,
     )
 
@@ -78,7 +79,7 @@ def no_bridge_state(reason: str, stamp: Time) -> BridgeState:
     """The bridge without a port."""
     state = BridgeState(header=Header(stamp=stamp), state=BridgeState.DISARMED, reason=reason, time_scale=1.0)
     state.length_m = [math.nan] * 6
-    state.battery_v = state.duty_left_s = math.nan
+    state.battery_v = state.duty_left_s = state.supply_low_v = math.nan
     return state
 
 

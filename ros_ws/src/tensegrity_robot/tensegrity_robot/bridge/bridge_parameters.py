@@ -29,6 +29,11 @@ class BridgeParameters:
     slack_limit: int = parameter(6, "most tendons that may hang slack in a shape [1]", low=0, high=24)
     duty_fraction: float = parameter(0.2, "part of the duty window that a strut may run [1]", low=0.01, high=1.0)
     duty_window_s: float = parameter(600.0, "window of the duty budget [s of robot time]", low=10.0, high=3600.0)
+    burst_fraction: float = parameter(0.8, "part of the burst window that a strut may run [1]", low=0.01, high=1.0)
+    burst_window_s: float = parameter(60.0, "short window of the duty budget [s of robot time]", low=5.0, high=600.0)
+    back_drive_n: float = parameter(
+        46.0, "axial force that an actuator holds without power; held against more, it counts as running [N]", low=0.1, high=1e5
+    )
     rested_s: float = parameter(
         0.0,
         "the operator's word at the start: so long the actuators have rested [s of robot time]; what nobody knows counts as run",
@@ -68,6 +73,9 @@ def rules_of(p: BridgeParameters, shape_check: ShapeCheck) -> Rules:
         lease_silence_s=p.lease_silence_s,
         duty_fraction=p.duty_fraction,
         duty_window_s=p.duty_window_s,
+        burst_fraction=p.burst_fraction,
+        burst_window_s=p.burst_window_s,
+        back_drive_n=p.back_drive_n,
         supply_low_v=p.supply_low_v,
     )
     pacing = Pacing(p.frame_period_s, homing_speed_m_s=p.homing_speed_m_s)

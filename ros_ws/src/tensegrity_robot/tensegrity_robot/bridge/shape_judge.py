@@ -11,7 +11,7 @@ READY_LIMIT_S = 180.0
 
 
 class ShapeRule:
-    """What `hardware_bridge.safety.limit_checks.Rules` wants: six rest lengths (m) -> what is wrong, or None.
+    """What `hardware_bridge.safety.limit_checks.Rules` wants: six rest lengths (m) -> what is wrong, or the struts' forces (N).
 
     A call waits until the rule is ready.
     """
@@ -24,11 +24,11 @@ class ShapeRule:
         self._problem = ""
         threading.Thread(target=self._make, name="shape judge", daemon=True).start()
 
-    def __call__(self, lengths_m: tuple[float, ...]) -> str | None:
-        """What is wrong with six rest lengths (m), or None."""
+    def __call__(self, lengths_m: tuple[float, ...]) -> str | tuple[float, ...]:
+        """What is wrong with six rest lengths (m), or the axial forces of the struts (N)."""
         if not self._ready.wait(READY_LIMIT_S):
             return f"the judge of shapes did not become ready within {READY_LIMIT_S:g} s; start the bridge again"
-        return self._problem or self._judge(lengths_m)
+        return self._problem or self._judge.verdict(lengths_m)
 
     def _make(self) -> None:
         try:

@@ -71,6 +71,7 @@ MOST_BLIND = 6
 """Rolls of a chain that nobody sees: after so many its face is not known well enough to be predicted."""
 DUTY_MARGIN_S = 2.0
 """Running time that is left over for the way back when a chain ends for want of it."""
+_REMEDY = "let the struts rest, charge the supply"
 SILENT_S = 3.0
 """A bridge that publishes no state for this long is gone; it does at 2 Hz."""
 LONG_AGO = -1
@@ -352,18 +353,21 @@ class GaitPlannerNode(Node):
                 f"rolls (at most {MOST_BLIND}): give an observer, say blind_rolls, or roll face by face"
             )
         links = tuple(Link(_lengths(lengths_of(self._prototype, r.policy)), r.onto, r.dwell_s, r.time_s) for r in chain.rolls)
-        self._require_duty(links)
+        short = self._short_of(links)
+        if short:
+            raise RollRefused(f"{short} (bridge/state): {_REMEDY}")
         self._require_inside(chain)
         return RollPlan(source, chain.target, (), links, blind)
 
-    def _require_duty(self, links: tuple[Link, ...]) -> None:
-        """Raises RollRefused: there is not enough running time left for two rolls and the way back."""
+    def _short_of(self, links: tuple[Link, ...]) -> str:
+        """What there is not enough of for two rolls more and the way back; empty: there is."""
         left_s, needs_s = self._duty_left_s(), _needs_s(links, self._rules.neutral_m, self._prototype.actuator_speed_m_s)
         if left_s < needs_s:
-            raise RollRefused(
-                f"the struts may run for {left_s:.0f} s yet, two rolls without a stop and the way back need {needs_s:.0f} s: let "
-                "them rest (duty_left_s in bridge/state)"
-            )
+            return f"the struts may run for {left_s:.0f} s yet, two rolls and the way back need {needs_s:.0f} s"
+        state = self._bridge
+        if state is not None and state.battery_v < state.supply_low_v:
+            return f"servo supply is {state.battery_v:.2f} V, the limit is {state.supply_low_v:g} V"
+        return ""
 
     def _duty_left_s(self) -> float:
         left_s = math.inf if self._bridge is None else float(self._bridge.duty_left_s)
@@ -504,7 +508,7 @@ class GaitPlannerNode(Node):
         elif roll.motion is None and roll.motion_asked is not None and time.monotonic() - roll.motion_asked > CALL_TIMEOUT_S:
             self._end_with(roll, "the bridge does not answer (action execute_struts)")
         else:
-            self._watch_duty(roll.sequence)
+            self._watch_strength(roll.sequence)
             try:
                 step = self._leaves_area(roll.sequence) or roll.sequence.look(self._view())
             except SimError as error:
@@ -515,13 +519,12 @@ class GaitPlannerNode(Node):
             elif step is not None:
                 self._do(step)
 
-    def _watch_duty(self, sequence: RollSequence) -> None:
-        """A chain ends in neutral before the struts have run for as long as they may."""
+    def _watch_strength(self, sequence: RollSequence) -> None:
+        """A chain ends in neutral before duty or supply is spent."""
         if sequence.plan is not None and sequence.plan.links and sequence.phase is Phase.ROLL_ON:
-            neutral_m, speed_m_s = self._rules.neutral_m, self._prototype.actuator_speed_m_s
-            left_s, needs_s = self._duty_left_s(), _needs_s(sequence.plan.links, neutral_m, speed_m_s)
-            if left_s < needs_s:
-                sequence.end_early(f"the struts may run for {left_s:.0f} s yet, two rolls and the way back need {needs_s:.0f} s")
+            short = self._short_of(sequence.plan.links)
+            if short:
+                sequence.end_early(short)
 
     def _begin(self, roll: _Running) -> None:
         """The first motion, as soon as homing is over and the struts' lengths are known."""
@@ -648,18 +651,13 @@ def _unlikely(found: Rehearsing, least: float) -> str:
 
 
 def _needs_s(links: Sequence[Link], neutral_m: Lengths, speed_m_s: float) -> float:
-    """Running time that the strut that needs most has to have left: for two rolls more, wherever in the chain, and the way back."""
-    ways_m = [
-        [
-            abs(b - a) + abs(c - b) + abs(n - c)
-            for a, b, c, n in zip(one.lengths_m, two.lengths_m, three.lengths_m, neutral_m, strict=True)
-        ]
-        for one, two, three in zip(links, links[1:], links[2:], strict=False)
-    ]
-    first_m = [
-        abs(b - n) + abs(c - b) + abs(n - c) for b, c, n in zip(links[0].lengths_m, links[1].lengths_m, neutral_m, strict=True)
-    ]
-    return max(map(max, [first_m, *ways_m])) / speed_m_s + DUTY_MARGIN_S
+    """Running time that each strut has to have left: for two rolls more, wherever in the chain, and the way back.
+
+    As if it never paused: struts that are held under load run, too.
+    """
+    two_s = max(sum(link.time_s for link in links[first : first + 2]) for first in range(len(links)))
+    back_m = max(abs(length - neutral) for link in links for length, neutral in zip(link.lengths_m, neutral_m, strict=True))
+    return two_s + back_m / speed_m_s + DUTY_MARGIN_S
 
 
 def _lengths(values: Any) -> Lengths:
