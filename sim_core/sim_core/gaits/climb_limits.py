@@ -60,12 +60,14 @@ def climbs_text(climbs: Climbs) -> str:
 
 
 def load_climbs(library: Library) -> Climbs | None:
-    """What was measured of a shipped library; None if nothing was, or it is another library's."""
-    file = DATA / "climbs" / f"{library.name}.yaml"
-    try:
-        document: Any = read_yaml(file)
-        steepest = {str(name): float(deg) for name, deg in document["steepest_deg"].items()}
-        climbs = Climbs(str(document["library_hash"]), str(document["how"]), steepest)
-    except (OSError, YamlError, AttributeError, KeyError, TypeError, ValueError, OverflowError):
-        return None
-    return climbs if climbs.library_hash == library.hash else None
+    """What was measured of a shipped library's primitives; None if nothing was."""
+    for file in sorted((DATA / "climbs").glob("*.yaml")):
+        try:
+            document: Any = read_yaml(file)
+            steepest = {str(name): float(deg) for name, deg in document["steepest_deg"].items()}
+            climbs = Climbs(str(document["library_hash"]), str(document["how"]), steepest)
+        except (OSError, YamlError, AttributeError, KeyError, TypeError, ValueError, OverflowError):
+            continue
+        if climbs.library_hash == library.primitives_hash:
+            return climbs
+    return None

@@ -78,8 +78,15 @@ class Library:
     @cached_property
     def hash(self) -> str:
         """Identifies the policies: sha256, 16 hex digits."""
-        rows = [f"{p.name} {p.roll_class.name} {p.policy}" for p in self.primitives]
-        text = "\n".join(rows + [f"{c.name} cycle {tuple(map(tuple, map(stage_numbers, c.stages)))}" for c in self.cycles])
+        return self._hash_with(f"{c.name} cycle {tuple(map(tuple, map(stage_numbers, c.stages)))}" for c in self.cycles)
+
+    @cached_property
+    def primitives_hash(self) -> str:
+        """Identifies the primitives alone, whose odds and climbs are the same beside any cycles: the hash without these."""
+        return self._hash_with(())
+
+    def _hash_with(self, cycles: Iterable[str]) -> str:
+        text = "\n".join([*(f"{p.name} {p.roll_class.name} {p.policy}" for p in self.primitives), *cycles])
         return hashlib.sha256(f"{self.model_hash}\n{text}".encode()).hexdigest()[:16]
 
     def primitive(self, name: str) -> Primitive:

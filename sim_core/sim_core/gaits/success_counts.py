@@ -2,6 +2,7 @@
 """How likely each of a library's 24 × n gaits is to work: counts from a robustness study, kept in a file of their own."""
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ class SuccessCounts:
     """Successes of trials, gait by gait.
 
     Attributes:
-        library_hash: whose gaits these are.
+        library_hash: whose gaits these are (`Library.primitives_hash`).
         how: law, seed and number of the prototypes, in words.
         trials: of each gait.
         wins: primitive name -> 24 successes, in the order of `rolls_of` its class.
@@ -55,12 +56,20 @@ def success_counts_text(counts: SuccessCounts) -> str:
 
 
 def load_success_counts(library: Library, path: Path | None = None) -> SuccessCounts | None:
-    """How likely gaits are, from a file, or from the shipped one of its name; None if none is shipped, or it is another library's.
+    """How likely gaits are, from a file, or from the shipped one of these primitives; None if none is shipped.
 
     Raises:
         LibraryError: a given file that cannot be read, or belongs to another library.
     """
-    file = path or DATA / "odds" / f"{library.name}.yaml"
+    if path is None:
+        for file in sorted((DATA / "odds").glob("*.yaml")):
+            with suppress(LibraryError):
+                return _counts_of(library, file)
+        return None
+    return _counts_of(library, path)
+
+
+def _counts_of(library: Library, file: Path) -> SuccessCounts:
     try:
         document: Any = read_yaml(file)
         counts = SuccessCounts(
@@ -70,13 +79,11 @@ def load_success_counts(library: Library, path: Path | None = None) -> SuccessCo
             {str(name): tuple(int(won) for won in row) for name, row in document["wins"].items()},
         )
     except (OSError, YamlError, AttributeError, KeyError, TypeError, ValueError, OverflowError) as error:
-        problem = (
+        raise LibraryError(
             f"cannot read success counts {file}: {printable(error, 200)}; make them with: sixstrut robustness LIBRARY --odds FILE"
+        ) from error
+    if counts.library_hash != library.primitives_hash:
+        raise LibraryError(
+            f"success counts {file} are of library {counts.library_hash}, not of {library.name!r} ({library.primitives_hash})"
         )
-    else:
-        if counts.library_hash == library.hash:
-            return counts
-        problem = f"success counts {file} are of library {counts.library_hash}, not of {library.name!r} ({library.hash})"
-    if path is None:
-        return None
-    raise LibraryError(problem)
+    return counts

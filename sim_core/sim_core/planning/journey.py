@@ -20,6 +20,8 @@ from sim_core.structure.topology import FACES, NEIGHBOURS
 
 MOST_MISSES = 10
 """So many rolls in a row that end elsewhere are enough."""
+MOST_CHAINS_MISSED = 3
+"""After so many chains in a row that missed, a travel goes on by plain rolls."""
 LEAST_PROBABILITY, PATIENCE = 0.01, 3
 """A roll that is believed less than this is not worth the actuators' wear, after so many in a row that ended elsewhere."""
 EVERY_GAIT_ALIKE, A_TRIFLE = 0.9, 1e-6
@@ -106,7 +108,7 @@ class Journey:
         self._experience = Experience(before, climbs_deg)
         self._tried: Counter[str] = Counter()
         self._graph = self._believed()
-        self._vain = 0
+        self._vain = self._chains_missed = 0
         self._stance: Stance | None = None
         self.rolls = self.chained = self.missed = self.refused = 0
         self.faces: list[str] = []
@@ -124,7 +126,7 @@ class Journey:
         self._come_to(stance)
         if end := self._end():
             return end
-        if self._vain:
+        if self._vain or self._chains_missed >= MOST_CHAINS_MISSED:
             longest = 0  # after a miss a plain roll tells whether it was the cycle or the ground
         longest = min(longest, self._rules.most_rolls - self.rolls - self.refused) // 2 * 2
         strides = self._believed_strides() if longest else {}
@@ -178,6 +180,7 @@ class Journey:
         self.missed += missed
         if isinstance(step.gait, Chain):
             self.chained += done + missed
+            self._chains_missed = self._chains_missed + 1 if missed else 0
         self._passed = step.way.stances[1 : max(1, done + missed)]
         for number in range(done + missed):
             self._learn(step, number < done, number)
@@ -222,7 +225,7 @@ def _strides(cycle: Cycle) -> dict[tuple[str, str, str], tuple[Gait, Gait]]:
     counted = cycle.turns or dict.fromkeys(TURNS, Switches(0, 0, 0, 0))
     # of what nobody counted no more is expected than of the surest gait
     success = {turn: 1.0 - counts.miss if counts.rolls else MOST_SURE for turn, counts in counted.items()}
-    success[""] = sum(success.values()) / len(success)
+    success[""] = max(success.values())  # from rest it has not turned yet
     found = {}
     for tc in (face for face in FACES if face.startswith("TC")):
         for before, to in product(("", *NEIGHBOURS[tc]), NEIGHBOURS[tc]):

@@ -90,4 +90,4 @@ def learned_counts(
         name, source, target = next(iter(left))
         raise LibraryError(f"library {library.name!r} has no gait {name} {source}→{target}: give the library that was tried")
     text = f"{how}; means of Beta posteriors, prior worth {weight:g} trials, written as counts out of {MEANS}: not trials"
-    return SuccessCounts(library.hash, text, MEANS, wins)
+    return SuccessCounts(library.primitives_hash, text, MEANS, wins)

@@ -156,7 +156,7 @@ def success_counts_of(library: Library, study: Study) -> SuccessCounts:
         raise ParameterError("success counts need all 24 gaits of every primitive: leave out --one-gait and --quick")
     plan = study.plan
     wins = {p.name: tuple(int(won) for won in rows.sum(axis=1)) for p, rows in zip(study.primitives, study.feasible, strict=True)}
-    return SuccessCounts(library.hash, f"{plan.law.text}; seed {plan.seed}", plan.prototypes, wins)
+    return SuccessCounts(library.primitives_hash, f"{plan.law.text}; seed {plan.seed}", plan.prototypes, wins)
 
 
 def chunk_jobs(rolls: int) -> int:

@@ -206,7 +206,7 @@ def test_a_cycle_that_misses_again_and_again_is_believed_less_and_it_rolls_plain
     trip = journey(floor, cyclic, (1.0, 0.2))
     end, steps, _ = rolled_on(floor, trip, START, 24, lambda faces: (0, True) if len(faces) > 2 else (1, False))
     assert end.success
-    assert 1 <= trip.missed == sum(isinstance(step.gait, Chain) for step in steps) <= 4
+    assert 1 <= trip.missed == sum(isinstance(step.gait, Chain) for step in steps) <= 3
 
 
 def test_a_return_to_neutral_that_rolls_on_is_the_last_rolls_miss(floor, cyclic):
@@ -229,7 +229,7 @@ def test_a_turn_that_often_misses_is_avoided_for_the_other_one(floor, cyclic):
     bad = replace(cyclic.cycles[0], turns=COUNTED | {"TO4": Switches(1000, 300, 100, 100)})
     step = journey(floor, replace(cyclic, cycles=(bad,)), (1.0, 0.2)).look(START, 24)
     assert "TO4" not in turns_of([place.face for place in step.way.stances[: step.way.on + 1]])
-    assert step.way.probability > 0.5
+    assert step.way.probability > 0.4
 
 
 @pytest.mark.parametrize("longest", [0, 24])

@@ -182,7 +182,7 @@ def test_every_topic_that_a_viewer_asks_for_is_published_with_stamp_and_frame(st
     latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
     subscriptions = []
     for topic in wanted - {"/rehearsal", "/travel/path", "/travel/goal"}:  # published before a roll, and on a travel, only
-        profile = latched if topic in ("/bridge/state", "/bridge/face", "/twin/face") else qos_profile_sensor_data
+        profile = latched if topic in ("/bridge/state", "/bridge/face", "/twin/face", "/keep_in") else qos_profile_sensor_data
         subscriptions.append(
             robot.node.create_subscription(message_class(kinds[topic]), topic, lambda m, t=topic: heard.setdefault(t, m), profile)
         )

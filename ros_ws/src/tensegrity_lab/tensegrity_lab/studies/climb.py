@@ -92,4 +92,4 @@ def climbs_of(library: Library, actuators: ActuatorParameters | None, words: str
         roll_class = primitive.roll_class
         found[primitive.name] = steepest_deg(prototype, gait_of(primitive, roll_class.source, roll_class.target), actuators)
     how = f"nominal robot, {words} actuators, straight uphill, by bisection to {NEAR_DEG:g} degrees"
-    return Climbs(library.hash, how, found)
+    return Climbs(library.primitives_hash, how, found)
