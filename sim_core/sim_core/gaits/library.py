@@ -5,7 +5,7 @@ Schema 2 adds cycles (see `cycle`); a library without any is written as schema 1
 """
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
