@@ -78,6 +78,11 @@ A folder that rosbag2 recorded (`metadata.yaml` with .mcap files) is read as one
 it, it is taken for one of the shipped prototype. A bag of sqlite3 storage has to be converted first (`ros2 bag convert`)."""
 
 
+def _schema(kind: Kind) -> str:
+    module = import_module(kind.module)
+    return " or ".join(map(str, getattr(module, "SCHEMAS", None) or [getattr(module, "SCHEMA", "–")]))
+
+
 def page(_: Path) -> str:
     """The page, as Markdown."""
     from hardware_bridge.calibration.pulse_map import StrutCalibration
@@ -85,7 +90,7 @@ def page(_: Path) -> str:
 
     rows = [
         (
-            kind.name, kind.form, str(getattr(import_module(kind.module), "SCHEMA", "–")), kind.holds, kind.written, kind.read,
+            kind.name, kind.form, _schema(kind), kind.holds, kind.written, kind.read,
             f"[`{Path(kind.example).name}`](../../{kind.example})" if kind.example else "",
         )
         for kind in KINDS
