@@ -55,7 +55,7 @@ def test_writing_and_reading_keeps_everything(shipped, tmp_path):
 
 
 def test_an_unknown_library_is_refused_naming_the_shipped_ones():
-    with pytest.raises(LibraryError, match=r"shipped are: improved, previous, robust"):
+    with pytest.raises(LibraryError, match=r"shipped are: continuous, improved, previous, robust"):
         load_library("best")
 
 

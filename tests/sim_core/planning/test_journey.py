@@ -232,9 +232,9 @@ def test_a_turn_that_often_misses_is_avoided_for_the_other_one(floor, cyclic):
     assert step.way.probability > 0.4
 
 
-@pytest.mark.parametrize("longest", [0, 24])
-def test_a_way_stays_in_the_area(floor, cyclic, longest):
-    area = parsed_keep_in("-0.3 -0.12, 1.4 -0.3, 1.4 0.5, -0.3 0.5")
+@pytest.mark.parametrize(("longest", "low", "high"), [(0, -0.3, 0.26), (24, -0.13, 0.5)])
+def test_a_way_stays_in_the_area(floor, cyclic, longest, low, high):
+    area = parsed_keep_in(f"-0.3 {low}, 1.4 -0.3, 1.4 {high}, -0.3 {high}")
     trip = Journey(floor, cyclic, load_success_counts(cyclic), (0.8, 0.0), TravelRules(0.08, 40), area)
     step = trip.look(START, longest)
     free = journey(floor, cyclic, (0.8, 0.0)).look(START, longest)

@@ -223,7 +223,7 @@ def test_the_plan_is_shown_first_with_order_duty_and_time(tmp_path):
         ((), "is no session yet: to begin one, give --virtual, or --port PORT --calibration FILE"),
         (("--virtual", "--primitives", "77"), "valid are numbers 1 to 40"),
         (("--virtual", "--gaits", "some"), "valid are all, proper, improper, reference, or pairs"),
-        (("--virtual", "--library", "none"), "shipped are: improved"),
+        (("--virtual", "--library", "none"), "shipped are: continuous, improved"),
         (("--virtual", "--board", "arduino"), "lsc, ssc32, or maestro"),
         (("--port", "/dev/none", "--perturbation", "0.1"), "--perturbation is of a virtual prototype"),
         (("--port", "/dev/none", "--calibration", "/dev/none.yaml"), "/dev/none.yaml"),
