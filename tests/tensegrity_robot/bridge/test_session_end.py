@@ -139,6 +139,7 @@ def test_the_bag_is_read_by_readers_that_are_not_ours(interrupted, how):
         "twin/markers",
         "tf",
         "robot_description",
+        "keep_in",
     }
 
 
