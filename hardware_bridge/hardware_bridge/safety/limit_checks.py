@@ -22,7 +22,7 @@ SHAPE_STEP_M = 1e-3
 """No strut changes by more between two shapes that are judged along a path."""
 
 MOST_SHAPES = 16000
-"""Shapes of one path: more than 600 s at 20 mm/s have, one a mm. Each takes the judge some 5 ms."""
+"""Shapes of one path: more than 600 s at 20 mm/s have, one a mm. Each takes the judge some ms."""
 
 _ROUNDING_M = 1e-9
 

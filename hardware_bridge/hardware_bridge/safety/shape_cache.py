@@ -7,6 +7,7 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hardware_bridge.errors import SEND_AGAIN
 from sim_core.names import STRUT_NAMES
@@ -43,8 +44,10 @@ class ShapeMemory:
         self._near_m = near_m
         self._back_drive_n = back_drive_n
         self._problems: OrderedDict[tuple[float, ...], str | None] = OrderedDict()
-        self._loads: dict[tuple[float, ...], Loads] = {}
-        self._permitted: tuple[np.ndarray, np.ndarray] | None = None
+        # a row each; NaN: not permitted, so never near
+        self._shapes = np.full((MOST_SHAPES, len(STRUT_NAMES)), np.nan)
+        self._loads = np.ones((MOST_SHAPES, len(STRUT_NAMES)), dtype=bool)
+        self._rows: dict[tuple[float, ...], int] = {}
         self._knows_forces = False
         self._lock = threading.Lock()
         self._judging = threading.Lock()
@@ -60,13 +63,15 @@ class ShapeMemory:
             verdict = self._judge(key)
             problem = verdict if isinstance(verdict, str) else None
             with self._lock:
-                self._problems[key] = problem
+                row = len(self._problems)
+                if row == MOST_SHAPES:
+                    row = self._rows.pop(self._problems.popitem(last=False)[0])
+                self._problems[key], self._rows[key] = problem, row
+                self._shapes[row] = np.nan if problem is not None else key
+                self._loads[row] = True
                 if isinstance(verdict, tuple):
                     self._knows_forces = True
-                    self._loads[key] = tuple(abs(force_n) > self._back_drive_n for force_n in verdict)
-                while len(self._problems) > MOST_SHAPES:
-                    self._loads.pop(self._problems.popitem(last=False)[0], None)
-                self._permitted = None
+                    self._loads[row] = np.abs(verdict) > self._back_drive_n
             return problem
 
     def recall(self, lengths_m: Sequence[float]) -> str | None:
@@ -75,7 +80,7 @@ class ShapeMemory:
         with self._lock:
             if key in self._problems:
                 return self._problems[key]
-            return None if len(self._near(key)) else NOT_JUDGED
+            return None if self._near(key).any() else NOT_JUDGED
 
     def loads(self, lengths_m: Sequence[float]) -> Loads:
         """Which struts are loaded in this shape, or in any permitted one that is near.
@@ -87,19 +92,14 @@ class ShapeMemory:
         with self._lock:
             if not self._knows_forces:
                 return NO_LOADS
-            if key in self._problems:
-                return self._loads.get(key, ALL_LOADS)
+            if key in self._rows:
+                return tuple(self._loads[self._rows[key]].tolist())
             near = self._near(key)
-            return tuple(near.any(axis=0).tolist()) if len(near) else ALL_LOADS
+            return tuple(self._loads[: len(near)][near].any(axis=0).tolist()) if near.any() else ALL_LOADS
 
-    def _near(self, key: tuple[float, ...]) -> np.ndarray:
-        """Loads of the permitted shapes near one, (n, 6)."""
-        if self._permitted is None:
-            good = [shape for shape, problem in self._problems.items() if problem is None]
-            loads = [self._loads.get(shape, ALL_LOADS) for shape in good]
-            self._permitted = np.array(good).reshape(-1, len(key)), np.array(loads).reshape(-1, len(key))
-        shapes, loads_of = self._permitted
-        near: np.ndarray = loads_of[np.abs(shapes - np.array(key)).max(axis=1, initial=0.0) <= self._near_m]
+    def _near(self, key: tuple[float, ...]) -> NDArray[np.bool_]:
+        """Which rows are permitted shapes near one."""
+        near: NDArray[np.bool_] = (np.abs(self._shapes[: len(self._problems)] - key) <= self._near_m).all(axis=1)
         return near
 
 

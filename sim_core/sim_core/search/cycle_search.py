@@ -73,7 +73,7 @@ class CyclePlan:
     keep: int = 4
     elites: int = 24
     apart_mm: int = 6
-    scale: float = 0.15
+    scale: float = 0.12
     robots: int = 8
     choice: int = 24
 
@@ -209,8 +209,8 @@ class CycleSearch:
 
     @property
     def _needed(self) -> float:
-        """Merit of the last elite that the library may be chosen from."""
-        last = self._elites[2 * self.plan.keep - 1 : 2 * self.plan.keep]
+        """Merit that a pair must promise for more robots than a first look."""
+        last = self._elites[self.plan.keep + 1 : self.plan.keep + 2]
         return last[0].merit if last else 0.0
 
     def _keep(self, found: Sequence[Tried]) -> None:
@@ -321,7 +321,7 @@ def _merit(chains: Array, figures: Mapping[str, float]) -> float:
     """Of chains (courses, robots, 2): reliability first, then speed, then metres under duty."""
     sure, rolls = WEIGHTS @ chains.mean(axis=1)
     speed = 0.75 * figures["m_per_min"] + 0.25 * figures["m_per_min_other"]
-    return TRAINED + float(sure + 0.2 * rolls + 0.25 * speed + 0.06 * figures["m_per_10min"])
+    return TRAINED + float(sure + 0.2 * rolls + 0.25 * speed + 0.12 * figures["m_per_10min"])
 
 
 def _figured(one: Tried, chains: Array) -> Tried:
