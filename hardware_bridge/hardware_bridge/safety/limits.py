@@ -52,7 +52,7 @@ class Limits(_Ranged):
     lease_silence_s: float = _number(1.0, 0.2, 10.0)
     duty_fraction: float = _number(0.2, 0.01, 1.0)
     duty_window_s: float = _number(600.0, 10.0, 3600.0)
-    burst_fraction: float = _number(0.8, 0.01, 1.0)
+    burst_fraction: float = _number(0.9, 0.01, 1.0)
     burst_window_s: float = _number(60.0, 5.0, 600.0)
     back_drive_n: float = _number(46.0, 0.1, 1e5)
     supply_low_v: float = _number(6.4, 0.1, 60.0)

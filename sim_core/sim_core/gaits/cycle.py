@@ -20,6 +20,8 @@ NEXT_TC = next(face for face in NEIGHBOURS[REFERENCE_TO] if face != REFERENCE_TC
 """Where the reference course leads."""
 TURNS = tuple(face for face in NEIGHBOURS[NEXT_TC] if face != REFERENCE_TO)
 """The two TOs to which it may go on."""
+SPEED = "m_per_min_"
+"""Before a turn in the names of a cycle's margins: how fast it goes straight on by that turn."""
 LONGEST_S = 60.0
 """Of a stage's times: more is a mistake."""
 
@@ -112,6 +114,15 @@ class Chain:
     def rolls(self) -> tuple[ChainRoll, ...]:
         """See `chain_of`."""
         return chain_of(self.cycle, self.faces)
+
+    def runs_s(self, speed_m_s: float) -> float:
+        """For how long each strut may have to run (s) in two rolls, wherever in the chain, and on the way back to neutral.
+
+        As if it never paused: struts that are held under load run, too.
+        """
+        rolls = self.rolls
+        two_s = max(sum(roll.time_s for roll in rolls[first : first + 2]) for first in range(len(rolls)))
+        return two_s + 1e-3 * max(max(map(abs, roll.policy)) for roll in rolls) / speed_m_s
 
 
 def turned(element: Element, turn: str) -> Element:

@@ -57,6 +57,10 @@ class Gait:
         """Primitive and faces, for people."""
         return f"{self.primitive.name} {self.source}→{self.target}"
 
+    def runs_s(self, speed_m_s: float) -> float:
+        """For how long the strut that runs most does, there and back, at this speed (s)."""
+        return 2e-3 * max(map(abs, self.policy)) / speed_m_s
+
 
 @dataclass(frozen=True)
 class Library:

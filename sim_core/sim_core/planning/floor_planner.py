@@ -29,8 +29,8 @@ REACH_M = 0.08
 """Default distance from the goal that counts as there: a roll goes about so far, so no route can promise to come much nearer."""
 ROLL_COST = 0.02
 """What a sure roll costs beside its improbability, as −log: of equally likely routes the shorter one."""
-ON_COST = 0.01
-"""Likewise of a roll of a chain, which needs about half the time."""
+ON_COST = 0.006
+"""Likewise of a roll of a chain, which needs about a third of the time."""
 EDGE_M = 0.02
 """Chains are planned so far inside of the keep-in area: it is judged again from where the robot is found."""
 CELL_M, CELL_RAD = 0.01, math.radians(10.0)
@@ -43,8 +43,17 @@ Lean = tuple[float, float]
 """Which way the ground leans, a vector that points downhill: a roll in the direction of the unit vector u, by a gait that climbs s
 degrees, is likelier than on level ground by lean·u/s logits."""
 LEVEL: Lean = (0.0, 0.0)
-Strides = Mapping[tuple[str, str, str], tuple[Choice, Choice]]
-"""Two rolls of a chain, by (TO before the TC that it stands on, or "" at rest; this TC; the next TO)."""
+
+
+class Stride(NamedTuple):
+    """Two rolls of a chain, and what each of them costs: `ON_COST`, by how long it takes."""
+
+    rolls: tuple[Choice, Choice]
+    cost: float = ON_COST
+
+
+Strides = Mapping[tuple[str, str, str], Stride]
+"""By (TO before the TC that it stands on, or "" at rest; this TC; the next TO)."""
 
 
 class Stance(NamedTuple):
@@ -161,7 +170,10 @@ class Floor:
         best = {pair: _undominated(graph.choices(*pair), climbs_deg, lean) for pair in self._moves}
         kinds = (
             (ROLL_COST, [one for ones in best.values() for one in ones]),
-            (ON_COST, [(choice, climbs_deg(choice.gait)) for stride in strides.values() for choice in stride]),
+            (
+                min((stride.cost for stride in strides.values()), default=ON_COST),
+                [(choice, climbs_deg(choice.gait)) for stride in strides.values() for choice in stride.rolls],
+            ),
         )
         surest = [(cost, max(choice.probability for choice, _ in ways), [deg for _, deg in ways]) for cost, ways in kinds if ways]
 
@@ -190,11 +202,11 @@ class Floor:
                 nearest = number
             if stance.distance_m(goal_m) <= reach_m:
                 return self._way(nodes, number, goal_m, reach_m)
-            moves = [[best[stance.face, target]] for target in NEIGHBOURS[stance.face]]
-            pairs = (strides.get((before, stance.face, target), ()) for target in NEIGHBOURS[stance.face])
-            moves += [[[(choice, climbs_deg(choice.gait))] for choice in pair] for pair in pairs if pair]
-            for rolls in moves:
-                cost, made = self._moved(stance, costs[cell], rolls, lean, outside_m)
+            moves = [([best[stance.face, target]], ROLL_COST) for target in NEIGHBOURS[stance.face]]
+            ways_on = (strides.get((before, stance.face, target)) for target in NEIGHBOURS[stance.face])
+            moves += [([[(choice, climbs_deg(choice.gait))] for choice in on.rolls], on.cost) for on in ways_on if on is not None]
+            for rolls, roll_cost in moves:
+                cost, made = self._moved(stance, costs[cell], rolls, roll_cost, lean, outside_m)
                 if not made:
                     continue
                 on = len(made) > 1
@@ -213,6 +225,7 @@ class Floor:
         stance: Stance,
         cost: float,
         rolls: Sequence[Sequence[tuple[Choice, float]]],
+        roll_cost: float,
         lean: Lean,
         outside_m: Callable[[Array], float] | None,
     ) -> tuple[float, list[tuple[Stance, Choice]]]:
@@ -229,7 +242,7 @@ class Floor:
                 out_m = outside_m(self.joints_m(there))
                 if out_m > (-EDGE_M if on else 0.0) and (on or out_m >= outside_m(self.joints_m(stance))):
                     return cost, []
-            cost, stance = cost + (ON_COST if on else ROLL_COST) - math.log(here), there
+            cost, stance = cost + roll_cost - math.log(here), there
             made.append((there, choice._replace(probability=here)))
         return cost, made
 

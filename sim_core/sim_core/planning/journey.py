@@ -7,11 +7,11 @@ from typing import NamedTuple
 
 from sim_core.errors import SimError
 from sim_core.gaits.climb_limits import load_climbs, usual_deg
-from sim_core.gaits.cycle import TURNS, Chain, Cycle, Switches, chain_of, turns_of
+from sim_core.gaits.cycle import SPEED, TURNS, Chain, Cycle, Switches, chain_of, turns_of
 from sim_core.gaits.library import Gait, Library, Primitive
 from sim_core.gaits.success_counts import SuccessCounts
 from sim_core.planning.face_graph import Choice, FaceGraph
-from sim_core.planning.floor_planner import Floor, Stance, Strides, Way
+from sim_core.planning.floor_planner import ON_COST, Floor, Stance, Stride, Strides, Way
 from sim_core.planning.keep_in import KeepIn
 from sim_core.planning.travel_learning import MOST_SURE, Experience
 from sim_core.structure.roll_classes import class_of
@@ -207,8 +207,8 @@ class Journey:
     def _believed_strides(self) -> Strides:
         believes = self._believes()
         return {
-            key: (Choice(one, believes.probability(one)), Choice(other, believes.probability(other)))
-            for key, (one, other) in self._strides.items()
+            key: Stride((Choice(one, believes.probability(one)), Choice(other, believes.probability(other))), cost)
+            for key, (one, other, cost) in self._strides.items()
         }
 
 
@@ -220,12 +220,15 @@ def _is_of_cycle(gait: Gait) -> bool:
     return gait.primitive.name.startswith(CYCLE)
 
 
-def _strides(cycle: Cycle) -> dict[tuple[str, str, str], tuple[Gait, Gait]]:
-    """The two rolls from a TC over a TO to the next TC as gaits: from rest, and after the TO that the chain came over."""
+def _strides(cycle: Cycle) -> dict[tuple[str, str, str], tuple[Gait, Gait, float]]:
+    """The two rolls from a TC over a TO to the next TC as gaits, and their cost: from rest, and after the TO before it."""
     counted = cycle.turns or dict.fromkeys(TURNS, Switches(0, 0, 0, 0))
     # of what nobody counted no more is expected than of the surest gait
     success = {turn: 1.0 - counts.miss if counts.rolls else MOST_SURE for turn, counts in counted.items()}
     success[""] = max(success.values())  # from rest it has not turned yet
+    speed = {turn: cycle.margins.get(SPEED + turn, 1.0) for turn in counted}
+    fastest = max(speed.values())
+    costs = {"": ON_COST} | {turn: ON_COST * fastest / speed[turn] for turn in speed}
     found = {}
     for tc in (face for face in FACES if face.startswith("TC")):
         for before, to in product(("", *NEIGHBOURS[tc]), NEIGHBOURS[tc]):
@@ -243,7 +246,7 @@ def _strides(cycle: Cycle) -> dict[tuple[str, str, str], tuple[Gait, Gait]]:
                 )
                 for source, roll in zip(faces, chain_of(cycle, faces), strict=False)
             )
-            found[before, tc, to] = one, other
+            found[before, tc, to] = one, other, costs[turn]
     return found
 
 

@@ -17,7 +17,7 @@ import numpy as np
 from sim_core.dynamics.actuators import ActuatorParameters, load_actuators
 from sim_core.dynamics.model import build_model
 from sim_core.errors import ParameterError
-from sim_core.gaits.cycle import NEXT_TC, TURNS, Cycle, CycleStage, Switches, chain_of, faces_of
+from sim_core.gaits.cycle import NEXT_TC, SPEED, TURNS, Cycle, CycleStage, Switches, chain_of, faces_of
 from sim_core.gaits.library import Library, load_library
 from sim_core.rolling.course import LATENCY_S, Course, stages_of_chain
 from sim_core.search.genetic_search import CHUNK_JOBS, Progress
@@ -250,9 +250,7 @@ class CycleSearch:
         found = []
         for row, genes in enumerate(bred):
             fast = int(np.argmax(pace[row]))
-            margins = {
-                "m_per_min": round(float(pace[row, fast]), 3),
-                "m_per_min_other": round(float(pace[row, 1 - fast]), 3),
+            margins = {SPEED + turn: round(float(pace[row, place]), 3) for place, turn in enumerate(TURNS)} | {
                 "m_per_10min": round(float(pace[row, fast]) * 10.0 * min(1.0, DUTY / max(1e-9, float(driven[row, fast]))), 2),
                 "clearance_mm": round(1e3 * float(clearance[row].min()), 1),
             }
@@ -320,8 +318,9 @@ class CycleSearch:
 def _merit(chains: Array, figures: Mapping[str, float]) -> float:
     """Of chains (courses, robots, 2): reliability first, then speed, then metres under duty."""
     sure, rolls = WEIGHTS @ chains.mean(axis=1)
-    speed = 0.75 * figures["m_per_min"] + 0.25 * figures["m_per_min_other"]
-    return TRAINED + float(sure + 0.2 * rolls + 0.25 * speed + 0.12 * figures["m_per_10min"])
+    slow, fast = sorted(figures[SPEED + turn] for turn in TURNS)
+    speed = 0.75 * fast + 0.25 * slow
+    return TRAINED + float(2.5 * sure + 0.5 * rolls + 0.25 * speed + 0.12 * figures["m_per_10min"])
 
 
 def _figured(one: Tried, chains: Array) -> Tried:

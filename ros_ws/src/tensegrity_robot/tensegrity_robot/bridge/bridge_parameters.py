@@ -29,7 +29,7 @@ class BridgeParameters:
     slack_limit: int = parameter(6, "most tendons that may hang slack in a shape [1]", low=0, high=24)
     duty_fraction: float = parameter(0.2, "part of the duty window that a strut may run [1]", low=0.01, high=1.0)
     duty_window_s: float = parameter(600.0, "window of the duty budget [s of robot time]", low=10.0, high=3600.0)
-    burst_fraction: float = parameter(0.8, "part of the burst window that a strut may run [1]", low=0.01, high=1.0)
+    burst_fraction: float = parameter(0.9, "part of the burst window that a strut may run [1]", low=0.01, high=1.0)
     burst_window_s: float = parameter(60.0, "short window of the duty budget [s of robot time]", low=5.0, high=600.0)
     back_drive_n: float = parameter(
         46.0, "axial force that an actuator holds without power; held against more, it counts as running [N]", low=0.1, high=1e5

@@ -4,7 +4,6 @@
 import concurrent.futures
 import math
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -353,15 +352,15 @@ class GaitPlannerNode(Node):
                 f"rolls (at most {MOST_BLIND}): give an observer, say blind_rolls, or roll face by face"
             )
         links = tuple(Link(_lengths(lengths_of(self._prototype, r.policy)), r.onto, r.dwell_s, r.time_s) for r in chain.rolls)
-        short = self._short_of(links)
+        short = self._short_of(chain)
         if short:
             raise RollRefused(f"{short} (bridge/state): {_REMEDY}")
         self._require_inside(chain)
         return RollPlan(source, chain.target, (), links, blind)
 
-    def _short_of(self, links: tuple[Link, ...]) -> str:
+    def _short_of(self, chain: Chain) -> str:
         """What there is not enough of for two rolls more and the way back; empty: there is."""
-        left_s, needs_s = self._duty_left_s(), _needs_s(links, self._rules.neutral_m, self._prototype.actuator_speed_m_s)
+        left_s, needs_s = self._duty_left_s(), chain.runs_s(self._prototype.actuator_speed_m_s) + DUTY_MARGIN_S
         if left_s < needs_s:
             return f"the struts may run for {left_s:.0f} s yet, two rolls and the way back need {needs_s:.0f} s"
         state = self._bridge
@@ -508,7 +507,7 @@ class GaitPlannerNode(Node):
         elif roll.motion is None and roll.motion_asked is not None and time.monotonic() - roll.motion_asked > CALL_TIMEOUT_S:
             self._end_with(roll, "the bridge does not answer (action execute_struts)")
         else:
-            self._watch_strength(roll.sequence)
+            self._watch_strength(roll)
             try:
                 step = self._leaves_area(roll.sequence) or roll.sequence.look(self._view())
             except SimError as error:
@@ -519,12 +518,12 @@ class GaitPlannerNode(Node):
             elif step is not None:
                 self._do(step)
 
-    def _watch_strength(self, sequence: RollSequence) -> None:
+    def _watch_strength(self, roll: _Running) -> None:
         """A chain ends in neutral before duty or supply is spent."""
-        if sequence.plan is not None and sequence.plan.links and sequence.phase is Phase.ROLL_ON:
-            short = self._short_of(sequence.plan.links)
+        if isinstance(roll.gait, Chain) and roll.sequence.phase is Phase.ROLL_ON:
+            short = self._short_of(roll.gait)
             if short:
-                sequence.end_early(short)
+                roll.sequence.end_early(short)
 
     def _begin(self, roll: _Running) -> None:
         """The first motion, as soon as homing is over and the struts' lengths are known."""
@@ -648,16 +647,6 @@ def _unlikely(found: Rehearsing, least: float) -> str:
         f"{rate.successes} of {rate.trials} rehearsals of {found.wanted.gait.name} succeeded (they ended on {ends}), less than "
         f"least_odds {least:g}{instead}; to roll it nevertheless, say anyway in the goal"
     )
-
-
-def _needs_s(links: Sequence[Link], neutral_m: Lengths, speed_m_s: float) -> float:
-    """Running time that each strut has to have left: for two rolls more, wherever in the chain, and the way back.
-
-    As if it never paused: struts that are held under load run, too.
-    """
-    two_s = max(sum(link.time_s for link in links[first : first + 2]) for first in range(len(links)))
-    back_m = max(abs(length - neutral) for link in links for length, neutral in zip(link.lengths_m, neutral_m, strict=True))
-    return two_s + back_m / speed_m_s + DUTY_MARGIN_S
 
 
 def _lengths(values: Any) -> Lengths:

@@ -6,7 +6,7 @@ It asks the planner for every roll and never the bridge for a motion: what the p
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,7 +25,7 @@ from std_msgs.msg import Header
 from sim_core.dynamics.model import build_model
 from sim_core.errors import ParameterError
 from sim_core.gaits.cycle import Chain
-from sim_core.gaits.library import Gait, load_library
+from sim_core.gaits.library import load_library
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.floor_planner import REACH_M, Floor, Stance
 from sim_core.planning.journey import Journey, JourneyEnd, Step, TravelRules
@@ -327,7 +327,7 @@ class TravellerNode(Node):
 
     async def _rested(self, travel: _Travel, step: Step) -> None:
         """Until the actuators' duty permits the roll."""
-        needs_s = _running_mm(step.gait) * 1e-3 / self._speed_m_s + CHAIN_MARGIN_S * isinstance(step.gait, Chain)
+        needs_s = step.gait.runs_s(self._speed_m_s) + CHAIN_MARGIN_S * isinstance(step.gait, Chain)
         if self._bridge is not None and self._bridge.duty_left_s < needs_s:
             travel.phase = f"resting: the actuators have run as long as their duty permits; {needs_s:.0f} s are needed"
             rested = lambda: self._bridge is not None and not self._bridge.duty_left_s < needs_s  # noqa: E731
@@ -436,18 +436,6 @@ def _target(travel: _Travel) -> str:
     if travel.step is None or travel.roll is None:
         return ""
     return str(travel.chain.next_face) if travel.chain is not None else travel.step.gait.target
-
-
-def _running_mm(gait: Gait | Chain) -> float:
-    """How far the strut that runs most goes in a roll and back; in a chain: in any two rolls and back."""
-    stops: Sequence[Sequence[int]] = [roll.policy for roll in gait.rolls] if isinstance(gait, Chain) else [gait.policy]
-    neutral = [0] * len(stops[0])
-    runs = [
-        abs(a - before) + abs(b - a) + abs(b)
-        for one, two, three in zip([neutral, *stops], stops, [*stops[1:], stops[-1]], strict=False)
-        for before, a, b in zip(one, two, three, strict=True)
-    ]
-    return max(runs)
 
 
 def _pose(stance: Stance) -> Pose:
