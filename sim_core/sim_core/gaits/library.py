@@ -15,7 +15,7 @@ from sim_core.errors import LibraryError, PolicyError, RollRefused, brief
 from sim_core.files.bounded_reader import DATA
 from sim_core.files.yaml_reader import read_yaml_or, sealed, yaml_text
 from sim_core.gaits.cycle import Chain, Cycle, cycles_text, parse_cycles, stage_numbers
-from sim_core.structure.policy import Policy, checked_policy
+from sim_core.structure.policy import MOST_STAGES, Policy, checked_policy, ways_mm
 from sim_core.structure.roll_classes import CLASSES, RollClass, class_of
 from sim_core.structure.symmetry import carrier
 from sim_core.structure.topology import require_adjacent
@@ -59,7 +59,7 @@ class Gait:
 
     def runs_s(self, speed_m_s: float) -> float:
         """For how long the strut that runs most does, there and back, at this speed (s)."""
-        return 2e-3 * max(map(abs, self.policy)) / speed_m_s
+        return 1e-3 * max(ways_mm(self.policy)) / speed_m_s
 
 
 @dataclass(frozen=True)
@@ -118,7 +118,7 @@ def gait_of(primitive: Primitive, source: str, target: str) -> Gait:
     element = carrier(source, target)
     if primitive.roll_class is not class_of(source):
         raise LibraryError(f"primitive {primitive.name} is of class {primitive.roll_class.name}: it cannot roll {source}→{target}")
-    return Gait(primitive, source, target, checked_policy(element.relabel(primitive.policy), 10_000), element.proper)
+    return Gait(primitive, source, target, checked_policy(element.relabel(primitive.policy), 10_000, MOST_STAGES), element.proper)
 
 
 def wanted_chain(library: Library, source: str, faces: Sequence[str], cycle: str = "") -> Chain:
@@ -177,13 +177,13 @@ def _primitives(rows: list[Any], where: str) -> tuple[Primitive, ...]:
     for number, row in enumerate(rows, start=1):
         try:
             name = _text(f"{where}: primitive {number}", row, "name", f"P{number}")
-            policy = checked_policy(row["policy_mm"], 10_000)
+            policy = checked_policy(row["policy_mm"], 10_000, MOST_STAGES)
             roll_class = CLASSES[row["class"]]
             margins = {key: float(value) for key, value in dict(row.get("margins") or {}).items()}
         except (KeyError, TypeError, AttributeError, ValueError) as error:
             raise LibraryError(
                 f"{where}: primitive {number} is {brief(row)}; "
-                f"valid is {{name, class: {' or '.join(CLASSES)}, policy_mm: [six whole mm]}}"
+                f"valid is {{name, class: {' or '.join(CLASSES)}, policy_mm: [six whole mm, or six for each of two stages]}}"
             ) from error
         except PolicyError as error:
             raise LibraryError(f"{where}: primitive {number}: {error}") from error

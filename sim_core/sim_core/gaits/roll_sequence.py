@@ -97,6 +97,7 @@ class RollPlan:
     Attributes:
         source, target: the first face and the last.
         lengths_m: of one gait.
+        via: lengths that it drives to before, without a stop.
         links: of a chain; none: it is one gait.
         blind: nobody looks: every link has its own time.
     """
@@ -104,6 +105,7 @@ class RollPlan:
     source: str
     target: str
     lengths_m: Lengths
+    via: tuple[Lengths, ...] = ()
     links: tuple[Link, ...] = ()
     blind: bool = False
 
@@ -129,11 +131,17 @@ class RollRules:
 
 @dataclass(frozen=True)
 class Move:
-    """Do this next: drive to `lengths_m`, then call `moved`. `overtakes`: in the place of the motion that may be running still."""
+    """Do this next: drive to `lengths_m`, then call `moved`.
+
+    Attributes:
+        overtakes: in the place of the motion that may be running still.
+        via: lengths to drive to before, without a stop.
+    """
 
     phase: Phase
     lengths_m: Lengths
     overtakes: bool = False
+    via: tuple[Lengths, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -273,7 +281,10 @@ class RollSequence:
 
     def _start(self, plan: RollPlan, view: View) -> Move:
         self.plan = plan
-        return self._next_link(view) if plan.links else self._move(Phase.ACTUATE, plan.lengths_m)
+        if plan.links:
+            return self._next_link(view)
+        self.phase = Phase.ACTUATE
+        return Move(Phase.ACTUATE, plan.lengths_m, via=plan.via)
 
     def _next_link(self, view: View) -> Move:
         """Drive on to the next link's lengths, or to neutral after the last one."""

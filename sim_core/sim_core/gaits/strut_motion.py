@@ -2,6 +2,7 @@
 """From present lengths to others, every strut at the actuators' speed, as knots of a trajectory. Knows no ROS."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 SAME_TIME_S = 1e-3
@@ -15,12 +16,20 @@ class Knot(NamedTuple):
     lengths_m: tuple[float, ...]
 
 
-def constant_speed_knots(start_m: Sequence[float], target_m: Sequence[float], speed_m_s: float) -> tuple[Knot, ...]:
+def constant_speed_knots(start_m: Sequence[float], *stops_m: Sequence[float], speed_m_s: float) -> tuple[Knot, ...]:
     """All struts start together and drive at `speed_m_s`; each stops at its own time, and that is a knot.
 
-    So there are at most six knots, and none if every strut is there already. Between knots each strut moves at constant speed:
-    the straight lines that join the knots are the motion itself.
+    So there are at most six knots to each stop, and none if every strut is there already; when all are, they go on to the next.
+    Between knots each strut moves at constant speed: the straight lines that join the knots are the motion itself.
     """
+    knots: list[Knot] = []
+    for begin_m, end_m in pairwise((start_m, *stops_m)):
+        since_s = knots[-1].time_s if knots else 0.0
+        knots += [Knot(since_s + knot.time_s, knot.lengths_m) for knot in _to_one(begin_m, end_m, speed_m_s)]
+    return tuple(knots)
+
+
+def _to_one(start_m: Sequence[float], target_m: Sequence[float], speed_m_s: float) -> tuple[Knot, ...]:
     ways_m = [abs(target - start) for start, target in zip(start_m, target_m, strict=True)]
     ends_s: list[float] = []
     for end_s in sorted(way / speed_m_s for way in ways_m if way > 0.0):

@@ -16,7 +16,7 @@ from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure.arrays import Array
 from sim_core.structure.elements import PREVIOUS
-from sim_core.structure.policy import Policy, checked_policy, lengths_of, neutral_lengths
+from sim_core.structure.policy import MOST_STAGES, Policy, checked_policy, in_stages, lengths_of, neutral_lengths
 from sim_core.structure.rotations import down_of
 from sim_core.structure.topology import FACES, NEIGHBOURS, TENDON_LENGTH, require_adjacent, require_face
 
@@ -101,7 +101,7 @@ def roll(
         model: the robot's model.
         source: the face it stands on.
         target: the wanted face, a neighbour of it; None: whatever it lands on.
-        policy: six strokes, whole mm, for this very pair (not for the reference pair).
+        policy: six strokes, whole mm, or six for each of two stages, for this very pair (not for the reference pair).
         start: a robot resting on `source` at neutral lengths (changed in place); default: settled afresh.
         trace: filled with samples every 10 ms if given.
 
@@ -112,7 +112,7 @@ def roll(
         require_face(source)
     else:
         require_adjacent(source, target)
-    checked = checked_policy(policy, model.prototype.policy_limit_mm)
+    checked = checked_policy(policy, model.prototype.policy_limit_mm, 1 if model.kind == PREVIOUS else MOST_STAGES)
     robot = start if start is not None else Robot.resting_on(model, source)
     (state, work), struts, static = robot.arrays(), model.layout.struts, model.kind == PREVIOUS
     rules, chunk, tolerance = rules_of(model), samples_of(model, SAMPLE_S), tolerance_of(model)
@@ -136,11 +136,19 @@ def roll(
 
 
 def stages_of(model: Model, policy: Policy, target: str | None) -> Array:
-    """The stages (2, STAGE_ROWS) of a roll: actuate until at rest, and return to neutral until at rest."""
-    stages = np.zeros((2, w.STAGE_ROWS))
+    """The stages (n, STAGE_ROWS) of a roll: actuate until at rest, and return to neutral until at rest.
+
+    Of a policy in stages the first lasts as long as the actuators need to get there at their speed, whatever is stood on meanwhile.
+    """
+    rule, parts = model.prototype, in_stages(policy)
+    stages = np.zeros((len(parts) + 1, w.STAGE_ROWS))
     stages[:, w.ONTO] = -1 if target is None else face_number(target)
-    stages[0, : w.ONTO] = model.rest_lengths(lengths_of(model.prototype, policy))
-    stages[1, : w.ONTO] = model.rest_lengths(neutral_lengths(model.prototype))
+    for row, part in zip(stages, parts, strict=False):
+        row[: w.ONTO] = model.rest_lengths(lengths_of(rule, part))
+    stages[-1, : w.ONTO] = model.rest_lengths(neutral_lengths(rule))
+    for row, part in zip(stages, parts[:-1], strict=False):
+        row[w.ONTO], row[w.ENDS], row[w.SEEN] = -1, w.ON_TIME, -1
+        row[w.LEAST] = math.ceil(1e-3 * max(map(abs, part)) / rule.actuator_speed_m_s / SAMPLE_S - 1e-9)
     return stages
 
 

@@ -214,7 +214,7 @@ def _look_in_motion(state: Array, record: Array, rules: Rules, struts: int, stag
     """A sample of a stage that ends on time."""
     stage = int(record[STAGE])
     onto = stages[stage, ONTO]
-    if face >= 0 and face != onto and record[LANDED] == 0 and face != _before(record, stages, stage):
+    if onto >= 0 and face >= 0 and face != onto and record[LANDED] == 0 and face != _before(record, stages, stage):
         record[PHASE] = MISSED
         return
     if face >= 0 and face == onto and record[LANDED] == 0:
@@ -225,7 +225,7 @@ def _look_in_motion(state: Array, record: Array, rules: Rules, struts: int, stag
     if waits and record[LANDED] == 0 and record[ELAPSED] >= stages[stage, LIMIT]:
         record[PHASE] = MISSED
     elif record[ELAPSED] >= stages[stage, LEAST] and (not waits or record[LANDED] > stages[stage, SEEN]):
-        if record[LANDED] == 0 and stage + 1 < stages.shape[0] and stages[stage + 1, ONTO] != onto:
+        if onto >= 0 and record[LANDED] == 0 and stage + 1 < stages.shape[0] and stages[stage + 1, ONTO] != onto:
             record[PHASE] = MISSED  # the next face cannot be reached over one that was not
             return
         _next(state, record, struts, stages)

@@ -320,7 +320,7 @@ def _merit(chains: Array, figures: Mapping[str, float]) -> float:
     sure, rolls = WEIGHTS @ chains.mean(axis=1)
     slow, fast = sorted(figures[SPEED + turn] for turn in TURNS)
     speed = 0.75 * fast + 0.25 * slow
-    return TRAINED + float(2.5 * sure + 0.5 * rolls + 0.25 * speed + 0.12 * figures["m_per_10min"])
+    return TRAINED + float(sure + 0.2 * rolls + 0.25 * speed + 0.12 * figures["m_per_10min"])
 
 
 def _figured(one: Tried, chains: Array) -> Tried:

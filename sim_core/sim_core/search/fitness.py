@@ -38,7 +38,7 @@ def quality(prototype: Prototype, policy: Policy, trials: Trials, row: int) -> f
         "inside": min(float(trials.margin_m[row]) / INSIDE_M, 1.0),
         "clearance": min((float(trials.clearance_m[row]) - prototype.clearance_margin_m) / CLEARANCE_M, 1.0),
         "force": 1.0 - float(trials.peak_force_n[row]) / allowed_n,
-        "gentle": 1.0 - sum(strokes) / (6.0 * limit),
+        "gentle": 1.0 - sum(strokes) / (len(strokes) * limit),
         "short": 1.0 - max(strokes) / limit,
     }
     return sum(WEIGHTS[name] * value for name, value in parts.items())

@@ -20,15 +20,15 @@ import numpy as np
 
 from sim_core.dynamics.model import build_model
 from sim_core.errors import ParameterError
-from sim_core.gaits.library import Library, Primitive
+from sim_core.gaits.library import Library, Primitive, load_library
 from sim_core.rolling.batch import Job
 from sim_core.search.archive import Candidate, Elites, distance_mm
 from sim_core.search.fitness import FEASIBLE, dropped_merit, merit_of, quality, trained_merit
 from sim_core.search.training_robots import FittedTraining, Training, Try
 from sim_core.search.variation import offspring
-from sim_core.structure.elements import IMPROVED, KINDS
+from sim_core.structure.elements import IMPROVED, KINDS, PREVIOUS
 from sim_core.structure.parameters import Prototype
-from sim_core.structure.policy import Policy, checked_policy
+from sim_core.structure.policy import MOST_STAGES, Policy, checked_policy, in_stages
 from sim_core.structure.roll_classes import CLASSES, RollClass
 from sim_core.structure.symmetry import carrier
 from sim_core.studies.local_runner import Chunk, Runner, Trials, WhichRobot, joined, run_here
@@ -62,6 +62,8 @@ class SearchPlan:
         apart_mm: two primitives differ by at least this in some strut.
         training: prototypes on which feasible policies are tried; none: the nominal robot alone decides.
         choice: more of them, for the last choice among `spare` × keep elites per class.
+        stages: of a policy.
+        start: library whose policies are the first, each stage alike; of classes that are not searched its primitives are kept.
     """
 
     name: str = "mine"
@@ -78,10 +80,14 @@ class SearchPlan:
     training: tuple[Training | FittedTraining, ...] = ()
     choice: tuple[Training | FittedTraining, ...] = ()
     spare: int = 2
+    stages: int = 1
+    start: str = ""
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
             raise ParameterError(f"unknown model {self.kind!r}: valid are {', '.join(KINDS)}")
+        if not 1 <= self.stages <= MOST_STAGES or (self.stages > 1 and (self.kind == PREVIOUS or self.active < 6)):
+            raise ParameterError(f"{self.stages} stages: valid is 1 to {MOST_STAGES}; 1 for the model previous, and with few struts")
         if not 1 <= self.active <= 6:
             raise ParameterError(f"{self.active} active struts: valid is 1 to 6")
         unknown = [name for name in self.classes if name not in CLASSES]
@@ -143,7 +149,7 @@ class Search:
             self.generation, self.rolled, self.trained = state["generation"], state["rolled"], state["trained"]
             self._enough_since, self._reliable_since = dict(state["enough_since"]), dict(state["reliable_since"])
             for name, rows in state["elites"].items():
-                self._elites[name].add(Candidate(checked_policy(p, 10_000), m, margins) for p, m, margins in rows)
+                self._elites[name].add(Candidate(checked_policy(p, 10_000, MOST_STAGES), m, margins) for p, m, margins in rows)
 
     @property
     def state(self) -> dict[str, Any]:
@@ -218,6 +224,8 @@ class Search:
             if self.plan.choice:
                 ranked = self._chosen(rolls, ranked[: self.plan.keep * self.plan.spare])
             primitives += [Primitive("", rolls, c.policy, c.margins) for c in ranked[: self.plan.keep]]
+        if self.plan.start:
+            primitives += [p for p in load_library(self.plan.start).primitives if p.roll_class.name not in self._classes]
         named = tuple(replace(p, name=f"P{number}") for number, p in enumerate(primitives, start=1))
         provenance = {
             "how": "genetic search over whole-mm policies; feasible on the nominal model"
@@ -232,9 +240,11 @@ class Search:
     def _bred(self, name: str) -> list[Policy]:
         rng = np.random.default_rng([self.plan.seed, list(CLASSES).index(name), self.generation])
         elites, limit = self._elites[name].ranked, self.prototype.policy_limit_mm
+        if self.plan.start and not self.generation:
+            return [p.policy * self.plan.stages for p in load_library(self.plan.start).primitives if p.roll_class.name == name]
         found: dict[Policy, None] = {}
         while len(found) < self.plan.offspring:
-            found[offspring(rng, elites, limit, self.plan.active)] = None
+            found[offspring(rng, elites, limit, self.plan.active, self.plan.stages)] = None
         return list(found)
 
     def _rolled(self, work: Sequence[tuple[Job, WhichRobot]]) -> Trials:
@@ -340,4 +350,4 @@ def _tried(margins: Mapping[str, float], rate: float, trials: int) -> dict[str, 
 def _for_reference(policy: Policy, source: str, target: str) -> Policy:
     """The policy of the reference pair whose relabelling to (source, target) is `policy`."""
     struts = carrier(source, target).struts
-    return checked_policy([policy[struts[s]] for s in range(6)], 10_000)
+    return tuple(part[struts[s]] for part in in_stages(policy) for s in range(6))

@@ -33,6 +33,17 @@ PLANS: dict[str, SearchPlan | CyclePlan] = {
             training=(Training(LEVEL, 24, 11_001), Training(INCLINED, 12, 11_002)),
             choice=(Training(LEVEL, 96, 12_001), Training(INCLINED, 48, 12_002)),
         ),
+        SearchPlan(
+            "staged",
+            classes=("TC6-TO5",),  # a TO is left by all but one in a thousand
+            offspring=96,
+            polish=16,
+            apart_mm=8,
+            training=(Training(LEVEL, 24, 11_001), Training(INCLINED, 12, 11_002)),
+            choice=(Training(LEVEL, 96, 12_001), Training(INCLINED, 48, 12_002)),
+            stages=2,
+            start="robust",
+        ),
         CyclePlan("continuous"),
     )
 }

@@ -4,7 +4,7 @@
 from typing import Any, NamedTuple
 
 from sim_core.rolling.batch import Job
-from sim_core.structure.policy import Policy, checked_policy
+from sim_core.structure.policy import MOST_STAGES, Policy, checked_policy
 from sim_core.structure.roll_classes import RollClass, rolls_of
 from sim_core.structure.symmetry import carrier
 from sim_core.structure.topology import PAIRS
@@ -24,7 +24,7 @@ class Try(NamedTuple):
         if self.gait is None:
             return Job(0, rolls.source, policy, rolls.target)
         source, target = rolls_of(rolls)[self.gait]
-        return Job(0, source, checked_policy(carrier(source, target).relabel(policy), 10_000), target)
+        return Job(0, source, checked_policy(carrier(source, target).relabel(policy), 10_000, MOST_STAGES), target)
 
 
 class Training(NamedTuple):

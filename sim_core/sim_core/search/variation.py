@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The genetic operators: policies bred from better ones. Genes are the six strokes, whole mm, in the reference pair's labelling."""
+"""The genetic operators: policies bred from better ones. Genes: all stages' strokes, whole mm, in the reference pair's labelling."""
 
 from collections.abc import Sequence
 
 import numpy as np
 
 from sim_core.search.archive import Candidate
-from sim_core.structure.policy import Policy, checked_policy
+from sim_core.structure.policy import MOST_STAGES, Policy, checked_policy
 
 STRANGERS = 0.15
 """Share of the offspring that is drawn at random, so that no corner of the space is given up."""
@@ -23,23 +23,23 @@ ENOUGH = 4
 """Elites below which all offspring are strangers."""
 
 
-def stranger(rng: np.random.Generator, limit_mm: int, active: int) -> Policy:
+def stranger(rng: np.random.Generator, limit_mm: int, active: int, stages: int = 1) -> Policy:
     """A uniformly random policy with at most `active` struts that move."""
-    return _fitted(rng.integers(-limit_mm, limit_mm + 1, 6), limit_mm, active)
+    return _fitted(rng.integers(-limit_mm, limit_mm + 1, 6 * stages), limit_mm, active)
 
 
-def offspring(rng: np.random.Generator, elites: Sequence[Candidate], limit_mm: int, active: int) -> Policy:
+def offspring(rng: np.random.Generator, elites: Sequence[Candidate], limit_mm: int, active: int, stages: int = 1) -> Policy:
     """One policy bred from elites (best first), or a stranger; of more than `active` strokes the smallest are left out."""
     if len(elites) < ENOUGH or rng.random() < STRANGERS:
-        return stranger(rng, limit_mm, active)
+        return stranger(rng, limit_mm, active, stages)
     genes = np.array(_parent(rng, elites).policy)
     if rng.random() < CROSSED:
-        genes = np.where(rng.random(6) < 0.5, genes, _parent(rng, elites).policy)
-    changed = rng.random(6) < MUTATED
-    changed[rng.integers(6)] = True
-    genes = genes + changed * np.rint(rng.normal(0.0, STEPS_MM[rng.integers(len(STEPS_MM))], 6)).astype(int)
+        genes = np.where(rng.random(len(genes)) < 0.5, genes, _parent(rng, elites).policy)
+    changed = rng.random(len(genes)) < MUTATED
+    changed[rng.integers(len(genes))] = True
+    genes = genes + changed * np.rint(rng.normal(0.0, STEPS_MM[rng.integers(len(STEPS_MM))], len(genes))).astype(int)
     if rng.random() < CALMED:
-        strut = rng.integers(6)
+        strut = rng.integers(len(genes))
         genes[strut] = genes[strut] // 2 if rng.random() < 0.5 else 0
     return _fitted(genes, limit_mm, active)
 
@@ -53,4 +53,4 @@ def _fitted(genes: np.ndarray, limit_mm: int, active: int) -> Policy:
     genes = np.clip(genes, -limit_mm, limit_mm)
     if active < 6:
         genes[np.argsort(np.abs(genes), kind="stable")[: 6 - active]] = 0
-    return checked_policy(genes.tolist(), limit_mm)
+    return checked_policy(genes.tolist(), limit_mm, MOST_STAGES)

@@ -39,10 +39,10 @@ class Element:
         return FACE_OF_NODES[frozenset(self.nodes[i] for i in FACES[face])]
 
     def relabel(self, policy: Sequence[int]) -> tuple[int, ...]:
-        """The policy of the carried gait: the new command of strut g(s) is the old command of s."""
-        carried = [0] * 6
-        for strut, image in enumerate(self.struts):
-            carried[image] = policy[strut]
+        """The policy of the carried gait, stage by stage: the new command of strut g(s) is the old command of s."""
+        carried = [0] * len(policy)
+        for place, stroke in enumerate(policy):
+            carried[place - place % 6 + self.struts[place % 6]] = stroke
         return tuple(carried)
 
 

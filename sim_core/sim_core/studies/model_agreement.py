@@ -10,7 +10,7 @@ from sim_core.errors import LibraryError, SimError, brief
 from sim_core.files.yaml_reader import read_yaml_or
 from sim_core.gaits.library import Library, gait_of, parse_library
 from sim_core.rolling.batch import Job, roll_many
-from sim_core.structure.policy import Policy, checked_policy
+from sim_core.structure.policy import MOST_STAGES, Policy, checked_policy
 from sim_core.structure.roll_classes import rolls_of
 from sim_core.structure.topology import require_adjacent
 
@@ -82,9 +82,9 @@ def _gait(file: str, number: int, row: Any, limit_mm: int) -> NamedGait:
     try:
         source, target, policy = row["from"], row["to"], row["policy_mm"]
         require_adjacent(source, target)
-        return NamedGait(str(row.get("name", number)), source, target, checked_policy(policy, limit_mm))
+        return NamedGait(str(row.get("name", number)), source, target, checked_policy(policy, limit_mm, MOST_STAGES))
     except (KeyError, TypeError, AttributeError) as error:
-        valid = "{name, from, to, policy_mm: [six whole mm]}"
+        valid = "{name, from, to, policy_mm: [six whole mm, or six for each of two stages]}"
         raise LibraryError(f"{file}: gait {number} is {brief(row)}; valid is {valid}") from error
     except SimError as error:
         raise LibraryError(f"{file}: gait {number}: {error}") from error

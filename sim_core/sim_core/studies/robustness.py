@@ -14,7 +14,7 @@ from sim_core.gaits.success_counts import SuccessCounts
 from sim_core.rolling.batch import Job
 from sim_core.structure.elements import IMPROVED
 from sim_core.structure.parameters import Prototype
-from sim_core.structure.policy import checked_policy
+from sim_core.structure.policy import MOST_STAGES, checked_policy
 from sim_core.structure.roll_classes import rolls_of
 from sim_core.studies.binomial_intervals import Counts, Rate, counts_of, rate_of, rates_along
 from sim_core.studies.local_runner import Chunk, Cost, Draw, Reporter, Runner, Trials, joined, run_here, silent
@@ -174,7 +174,7 @@ def chunks_of(
     rolls = []
     for primitive in primitives:
         for source, target in gaits_of(primitive, plan.one_gait):
-            policy = checked_policy(gait_of(primitive, source, target).policy, prototype.policy_limit_mm)
+            policy = checked_policy(gait_of(primitive, source, target).policy, prototype.policy_limit_mm, MOST_STAGES)
             rolls.append((source, policy, target))
     if not rolls:
         raise LibraryError("the library has no primitives: there is nothing to study")

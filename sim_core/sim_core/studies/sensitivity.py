@@ -17,7 +17,7 @@ from sim_core.gaits.library import Library
 from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
 from sim_core.structure.parameters import SPECS, Prototype, with_value
-from sim_core.structure.policy import checked_policy
+from sim_core.structure.policy import MOST_STAGES, checked_policy
 
 STORED = DATA / "sensitivity.yaml"
 """Where the nominal model's influences are kept."""
@@ -49,9 +49,10 @@ def policies_near(library: Library, limit_mm: int, each: int, seed: int) -> list
     jobs = []
     for primitive in library.primitives:
         for number in range(each):
-            shift = rng.integers(-SHIFT_MM, SHIFT_MM + 1, 6) if number else np.zeros(6, dtype=int)
-            policy = np.clip(np.array(primitive.policy) + shift, -limit_mm, limit_mm).tolist()
-            jobs.append(Job(0, primitive.roll_class.source, checked_policy(policy, limit_mm), primitive.roll_class.target))
+            given = np.array(primitive.policy)
+            shift = rng.integers(-SHIFT_MM, SHIFT_MM + 1, len(given)) if number else np.zeros(len(given), dtype=int)
+            policy = checked_policy(np.clip(given + shift, -limit_mm, limit_mm).tolist(), limit_mm, MOST_STAGES)
+            jobs.append(Job(0, primitive.roll_class.source, policy, primitive.roll_class.target))
     return jobs
 
 

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 from collections import Counter
+from dataclasses import replace
 
 import pytest
+import yaml
 
 from sim_core.errors import LibraryError
 from sim_core.gaits.library import gait_of, library_text, load_library, parse_library
@@ -34,6 +36,18 @@ def test_the_best_primitive_of_a_class_works_as_all_its_24_gaits(shipped, model,
         gait = gait_of(primitive, source, target)
         result = roll(model, source, target, gait.policy)
         assert result.feasible, f"{gait.name}: {result.reason}"
+
+
+def test_a_policy_in_two_stages_is_written_read_and_relabelled(shipped):
+    first = shipped.primitives[0]
+    staged = replace(shipped, primitives=(replace(first, policy=first.policy + tuple(-v for v in first.policy)),))
+    text = library_text(staged)
+    assert parse_library(yaml.safe_load(text), "file").primitives == staged.primitives
+    gait = staged.gaits("TC1", "TO1")[0]
+    assert gait.policy[6:] == tuple(-v for v in gait.policy[:6])
+    assert gait.policy[:6] == shipped.gaits("TC1", "TO1")[0].policy
+    with pytest.raises(LibraryError, match="or for each of 2 stages; got 18"):
+        parse_library(yaml.safe_load(text.replace("policy_mm: [", "policy_mm: [0, 0, 0, 0, 0, 0, ")), "file")
 
 
 def test_a_gait_of_the_wrong_class_is_refused(shipped):

@@ -37,6 +37,11 @@ def begun(observe: bool = True, observer: bool = True) -> RollSequence:
     return sequence
 
 
+def test_a_policy_in_stages_is_one_motion_over_the_first_stage():
+    sequence = RollSequence(rules(), lambda source: RollPlan(source, "TO5", POLICY, via=(NEUTRAL,)))
+    assert sequence.begin(view(0.0)) == Move(Phase.ACTUATE, POLICY, via=(NEUTRAL,))
+
+
 def test_a_roll_actuates_settles_returns_settles_and_reports():
     sequence = begun()
     assert sequence.look(view(1.0, rest=False)) is None
@@ -200,7 +205,7 @@ LINKS = (Link(FIRST, "TO5", 0.2, 3.0), Link(SECOND, "TC3", 0.0, 4.0))
 
 
 def chain(links: tuple[Link, ...] = LINKS, blind: bool = False, observe: bool = True) -> RollSequence:
-    sequence = RollSequence(rules(observe), lambda source: RollPlan(source, links[-1].onto, (), links, blind))
+    sequence = RollSequence(rules(observe), lambda source: RollPlan(source, links[-1].onto, (), links=links, blind=blind))
     assert sequence.begin(view(0.0)) == Move(Phase.ROLL_ON, FIRST)
     return sequence
 

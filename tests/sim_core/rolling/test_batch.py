@@ -26,7 +26,8 @@ def jobs(model):
         Job(i % 3, s, library.gaits(s, t)[0].policy, t) for i, (s, t) in enumerate([("TC6", "TO5"), ("TO1", "TC2"), ("TC8", "TO7")])
     ]
     wild = [Job(i % 3, ("TC6", "TO5")[i % 2], tuple(rng.integers(-45, 46, 6).tolist())) for i in range(7)]
-    return [*good, *wild, Job(0, "TC1", (0,) * 6, "TO1")]
+    staged = Job(1, "TC6", good[0].policy + tuple(stroke // 2 for stroke in good[0].policy), "TO5")
+    return [*good, *wild, staged, Job(0, "TC1", (0,) * 6, "TO1")]
 
 
 def test_a_roll_in_a_lane_is_the_roll_alone_to_the_last_bit(robots, jobs):

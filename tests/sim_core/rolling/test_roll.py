@@ -24,6 +24,16 @@ def test_a_feasible_roll_lands_and_stays_on_its_target(model):
     assert result.travel_m[0] ** 2 + result.travel_m[1] ** 2 > 0.03**2
 
 
+def test_a_second_stage_follows_the_first_without_a_stop(model):
+    once, twice = (roll(model, "TC6", "TO5", policy) for policy in (GOOD, GOOD * 2))
+    assert (twice.faces, twice.feasible) == (once.faces, True), "the second stage asks for nothing new"
+    there_and_half_back = roll(model, "TC6", "TO5", GOOD + tuple(stroke // 2 for stroke in GOOD))
+    assert there_and_half_back.faces[1] == "TO5"
+    assert there_and_half_back.actuated.margin_m != once.actuated.margin_m
+    away_and_back = roll(model, "TC6", "TO5", GOOD + (0,) * 6)
+    assert away_and_back.faces == once.faces, "it rolled in the first stage, and comes to rest in neutral"
+
+
 def test_doing_nothing_is_no_roll(model):
     result = roll(model, "TC6", "TO5", (0, 0, 0, 0, 0, 0))
     assert not result.feasible

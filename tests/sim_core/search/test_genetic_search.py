@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
 import json
+from collections import Counter
 from dataclasses import replace
 from itertools import combinations
 
@@ -7,7 +8,7 @@ import pytest
 import yaml
 
 from sim_core.errors import ParameterError
-from sim_core.gaits.library import library_text, parse_library
+from sim_core.gaits.library import library_text, load_library, parse_library
 from sim_core.rolling.batch import Job, roll_many
 from sim_core.search.archive import distance_mm
 from sim_core.search.genetic_search import Search, SearchPlan, Training, search
@@ -91,6 +92,15 @@ def test_before_the_first_success_merit_is_how_far_the_centre_of_mass_got_past_a
 def test_a_plan_that_makes_no_sense_is_refused(change, message):
     with pytest.raises(ParameterError, match=message):
         replace(QUICK, **change)
+
+
+def test_a_search_in_stages_begins_with_its_start_and_keeps_what_it_does_not_search(prototype):
+    plan = replace(QUICK, classes=("TC6-TO5",), stages=2, start="robust", generations=2, offspring=8, keep=3, apart_mm=8)
+    library, start = search(prototype, plan), load_library("robust")
+    counts = Counter(p.roll_class.name for p in library.primitives)
+    assert counts["TC6-TO5"] == 3
+    assert {len(p.policy) for p in library.primitives if p.roll_class.name == "TC6-TO5"} == {12}
+    assert [p.policy for p in library.primitives[3:]] == [p.policy for p in start.primitives if p.roll_class.name == "TO5-TC6"]
 
 
 def test_shipped_plans_are_called_like_their_libraries_and_train_on_no_held_out_seed():

@@ -17,6 +17,14 @@ def test_every_policy_keeps_to_the_limit_and_the_number_of_active_struts(active)
             assert sum(value != 0 for value in policy) <= active
 
 
+def test_of_a_policy_in_stages_every_stage_is_bred():
+    rng, staged = np.random.default_rng(3), [c._replace(policy=c.policy * 2) for c in ELITES]
+    bred = np.array([offspring(rng, staged, 45, 6, 2) for _ in range(200)])
+    assert bred.shape == (200, 12)
+    assert (bred != np.array(staged[0].policy)).any(axis=0).all()
+    assert len(stranger(rng, 45, 6, 2)) == 12
+
+
 def test_offspring_resemble_their_parents_more_than_strangers_do():
     rng = np.random.default_rng(2)
 

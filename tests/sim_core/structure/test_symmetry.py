@@ -56,6 +56,7 @@ def test_exactly_one_element_carries_the_reference_pair_to_each_adjacent_pair():
 def test_known_rows_of_the_relabelling_table(pair, word, proper):
     element = carrier(*pair)
     assert "".join(map(str, element.relabel([1, 2, 3, 4, 5, 6]))) == word
+    assert element.relabel([1, 2, 3, 4, 5, 6, 0, 0, 0, 0, 0, 7])[:6] == element.relabel([1, 2, 3, 4, 5, 6]), "stage by stage"
     assert element.proper is proper
     assert carrier(*reversed(pair)) is element
 

@@ -24,18 +24,19 @@ def library_picture(library: Library, path: Path) -> None:
         if not chosen:
             axes.set_axis_off()
             continue
-        strokes = np.array([p.policy for p in chosen])
+        columns = max(len(p.policy) for p in chosen)
+        strokes = np.array([p.policy + p.policy[-6:] * ((columns - len(p.policy)) // 6) for p in chosen])
         image = axes.imshow(strokes, cmap="PuOr", vmin=-SCALE_MM, vmax=SCALE_MM, aspect="auto")
         for row, p in enumerate(chosen):
-            for strut, value in enumerate(p.policy):
+            for strut, value in enumerate(strokes[row]):
                 axes.text(
                     strut, row, f"{value:+d}", ha="center", va="center", fontsize=7, color="white" if abs(value) > 28 else "black"
                 )
             note = f"{100 * p.margins['success']:.0f} %" if "success" in p.margins else f"{p.margins.get('inside_mm', 0):.0f} mm"
-            axes.text(5.65, row, note, va="center", fontsize=8)
-        axes.set_xticks(range(6), [f"S{strut + 1}" for strut in range(6)])
+            axes.text(columns - 0.35, row, note, va="center", fontsize=8)
+        axes.set_xticks(range(columns), [f"S{place % 6 + 1}" for place in range(columns)])
         axes.set_yticks(range(len(chosen)), [p.name for p in chosen])
-        axes.set_xlim(-0.5, 6.6)
+        axes.set_xlim(-0.5, columns + 0.6)
     if image is not None:
         figure.colorbar(image, ax=list(panels), label="stroke (mm), + lengthens", shrink=0.8)
     trained = any("success" in p.margins for p in library.primitives)

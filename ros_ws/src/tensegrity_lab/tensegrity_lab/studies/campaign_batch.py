@@ -10,7 +10,7 @@ from sim_core.dynamics.model import Model
 from sim_core.gaits.library import Library
 from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
-from sim_core.structure.policy import checked_policy
+from sim_core.structure.policy import MOST_STAGES, checked_policy
 from sim_core.studies.ensemble_fit import stood_on_target
 from sim_core.studies.local_runner import Reporter, silent
 from sim_core.uncertainty.perturbation_law import perturb
@@ -69,7 +69,7 @@ def session_of(
         computed=COMPUTED,
     )
     folder = begin_session(path, settings, plan, library)
-    jobs = [Job(0, slot.source, checked_policy(slot.policy_mm, 10_000), slot.target) for slot in plan]
+    jobs = [Job(0, slot.source, checked_policy(slot.policy_mm, 10_000, MOST_STAGES), slot.target) for slot in plan]
     results = Batch([perturb(nominal, perturbation, seed)]).run(jobs, report)
     trials = zip(plan, results, strict=True)
     Ledger(path).append_all([line for n, (slot, result) in enumerate(trials, 1) for line in _lines(folder, n, slot, result)])

@@ -13,7 +13,7 @@ from sim_core.dynamics.actuators import ActuatorParameters
 from sim_core.gaits.climb_limits import Climbs
 from sim_core.gaits.library import Gait, Library, gait_of
 from sim_core.structure.parameters import Prototype, load_prototype
-from sim_core.structure.policy import lengths_of, neutral_lengths
+from sim_core.structure.policy import in_stages, lengths_of, neutral_lengths
 
 STEEPEST_DEG, NEAR_DEG = 16.0, 0.25
 """No gait is tried on steeper ground; how near the answer is."""
@@ -58,8 +58,10 @@ def roll(
     body.set_targets(neutral_m)
     wait(CALM_S)
     before_m = body.observe().joints_m.mean(axis=0)[:2]
-    moved_m = lengths_of(prototype, gait.policy)
-    drive(neutral_m, moved_m)
+    moved_m = neutral_m
+    for stage in in_stages(gait.policy):
+        before_stage_m, moved_m = moved_m, lengths_of(prototype, stage)
+        drive(before_stage_m, moved_m)
     wait(SETTLE_S, gait.target)
     drive(moved_m, neutral_m)
     wait(CALM_S)

@@ -13,7 +13,7 @@ from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.dynamics.model import Model, build_model
 from sim_core.gaits.library import Gait, Library, load_library
 from sim_core.structure.elements import PREVIOUS
-from sim_core.structure.policy import checked_policy
+from sim_core.structure.policy import MOST_STAGES, checked_policy
 from sim_core.structure.topology import NEIGHBOURS
 from sim_core.studies.ensemble_fit import Roll, Seen
 from tensegrity_lab.bags.replay import model_of
@@ -132,7 +132,7 @@ def _bag(path: Path, model: Model, library: str | None) -> Tries:
 
 
 def _of_lines(source: str, robot: str, virtual: bool, library: Library, lines: Sequence[Line], placed: bool) -> Tries:
-    rolls = (Roll(line.source, line.target, checked_policy(line.policy_mm, 10_000)) for line in lines)
+    rolls = (Roll(line.source, line.target, checked_policy(line.policy_mm, 10_000, MOST_STAGES)) for line in lines)
     seen = tuple(Seen(roll, line.outcome is Outcome.SUCCESS, placed) for roll, line in zip(rolls, lines, strict=True))
     return Tries((source,), robot, virtual, library, seen, tuple(line.primitive for line in lines))
 
@@ -148,7 +148,7 @@ def _unplanned(path: Path, model: Model, library: Library) -> Tries:
     for attempt in attempts_of(session, model.prototype.strut_length_m):
         gait = _gait(library, attempt.source, attempt.policy)
         if gait is not None:
-            roll = Roll(gait.source, gait.target, checked_policy(gait.policy, 10_000))
+            roll = Roll(gait.source, gait.target, gait.policy)
             seen.append(Seen(roll, attempt.succeeded(gait.target), False))
             names.append(gait.primitive.name)
     virtual = any(m.source == "prototype" for m in session.of("bridge/face"))

@@ -44,7 +44,7 @@ from sim_core.planning.floor_planner import Floor
 from sim_core.planning.keep_in import parsed_keep_in
 from sim_core.rolling.warm_up import Stage, is_warm
 from sim_core.structure.parameters import load_prototype
-from sim_core.structure.policy import lengths_of, neutral_lengths
+from sim_core.structure.policy import in_stages, lengths_of, neutral_lengths
 from sim_core.structure.topology import require_adjacent
 from sim_core.studies.rehearsal import DEFAULT_SEED
 from sim_core.twin.live_bridge import LiveBridge
@@ -331,7 +331,8 @@ class GaitPlannerNode(Node):
         require_adjacent(request.source_face or source, request.target_face)
         self._require_source(request, source)
         roll.gait = gait = wanted_gait(self._graph, source, request.target_face, request.primitive)
-        return RollPlan(source, request.target_face, _lengths(lengths_of(self._prototype, gait.policy)))
+        *via, last = (_lengths(lengths_of(self._prototype, stage)) for stage in in_stages(gait.policy))
+        return RollPlan(source, request.target_face, last, tuple(via))
 
     def _plan_chain(self, roll: _Running, request: Roll.Goal, source: str) -> RollPlan:
         """The chain from the face known now. Raises SimError, naming what is valid."""
@@ -356,7 +357,7 @@ class GaitPlannerNode(Node):
         if short:
             raise RollRefused(f"{short} (bridge/state): {_REMEDY}")
         self._require_inside(chain)
-        return RollPlan(source, chain.target, (), links, blind)
+        return RollPlan(source, chain.target, (), links=links, blind=blind)
 
     def _short_of(self, chain: Chain) -> str:
         """What there is not enough of for two rolls more and the way back; empty: there is."""
@@ -587,7 +588,7 @@ class GaitPlannerNode(Node):
         roll.move = move
         roll.motions += 1
         number, view = roll.motions, self._view()
-        knots = constant_speed_knots(view.lengths_m, move.lengths_m, self._prototype.actuator_speed_m_s)
+        knots = constant_speed_knots(view.lengths_m, *move.via, move.lengths_m, speed_m_s=self._prototype.actuator_speed_m_s)
         if not knots:
             roll.sequence.moved(view)
             return

@@ -14,6 +14,7 @@ from sim_core.errors import RollRefused, SimError
 from sim_core.gaits.library import Gait, gait_of
 from sim_core.planning.face_graph import Choice
 from sim_core.planning.face_graph import FaceGraph as Graph
+from sim_core.structure.policy import in_stages
 from sim_core.structure.topology import NEIGHBOURS, require_adjacent, require_face
 from tensegrity_interfaces.msg import GaitOdds
 from tensegrity_interfaces.srv import FaceGraph, Rehearse
@@ -67,12 +68,14 @@ def _asked(graph: Graph, request: FaceGraph.Request) -> tuple[Iterable[Choice], 
 
 def _message(choice: Choice) -> GaitOdds:
     gait = choice.gait
+    *via, last = in_stages(gait.policy)
     return GaitOdds(
         source_face=gait.source,
         target_face=gait.target,
         primitive=gait.primitive.name,
         proper=gait.proper,
-        policy_mm=list(gait.policy),
+        policy_mm=list(last),
+        via_mm=list(via[0]) if via else [0] * 6,
         odds=choice.probability,
         inside_mm=float(gait.primitive.margins.get("inside_mm", math.nan)),
     )
