@@ -87,7 +87,7 @@ class SearchPlan:
         if self.kind not in KINDS:
             raise ParameterError(f"unknown model {self.kind!r}: valid are {', '.join(KINDS)}")
         if not 1 <= self.stages <= MOST_STAGES or (self.stages > 1 and (self.kind == PREVIOUS or self.active < 6)):
-            raise ParameterError(f"{self.stages} stages: valid is 1 to {MOST_STAGES}; 1 for the model previous, and with few struts")
+            raise ParameterError(f"{self.stages} stages: valid is 1 to {MOST_STAGES}; 1 for the model previous or few struts")
         if not 1 <= self.active <= 6:
             raise ParameterError(f"{self.active} active struts: valid is 1 to 6")
         unknown = [name for name in self.classes if name not in CLASSES]

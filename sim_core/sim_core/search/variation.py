@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The genetic operators: policies bred from better ones. Genes: all stages' strokes, whole mm, in the reference pair's labelling."""
+"""The genetic operators: policies bred from better ones. Genes: every stage's strokes, whole mm, as of the reference pair."""
 
 from collections.abc import Sequence
 

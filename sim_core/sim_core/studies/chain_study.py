@@ -24,6 +24,8 @@ ROLLS = 12
 LONG, LONG_PROTOTYPES = 36, 48
 """Rolls of the chains that tell the way in ten minutes, about as many as duty permits; and on how many prototypes."""
 RANDOM = "random"
+BLIND, BLIND_ROLLS = "blind", 6
+"""Straight on by the first turn where nobody looks: by the stages' own times; the planner permits no more rolls."""
 STOP_AND_GO = "stop and go"
 CHUNK_JOBS = 256
 DUTY, WINDOW_S = 0.2, 600.0
@@ -35,7 +37,7 @@ class Chains(NamedTuple):
 
     Attributes:
         cycle: name; STOP_AND_GO: the library's primitives instead, as long as the first cycle's straight chain.
-        turns: one of TURNS: straight on; RANDOM: each prototype its own.
+        turns: one of TURNS: straight on; RANDOM: each prototype its own; BLIND: see there.
         actuators: name.
         rolls: that came onto the next face, of those begun.
         whole: chains without a miss, that ended in neutral and kept clearance and force.
@@ -77,11 +79,11 @@ def chain_study(
     work: dict[_Way, list[Chunk]] = {}
     for name, parameters in actuators:
         for cycle in library.cycles:
-            for turns in (*TURNS, RANDOM):
-                ways = [(draw, chain_faces(turns, draw, ROLLS)) for draw in draws]
-                if turns != RANDOM:
+            for turns in (*TURNS, RANDOM, BLIND):
+                ways = [(draw, chain_faces(turns, draw, BLIND_ROLLS if turns == BLIND else ROLLS)) for draw in draws]
+                if turns in TURNS:
                     ways += [(draw, chain_faces(turns, draw, LONG)) for draw in draws[:LONG_PROTOTYPES]]
-                courses = [(draw, stages_of_chain(chain_of(cycle, faces))) for draw, faces in ways]
+                courses = [(draw, stages_of_chain(chain_of(cycle, faces), observed=turns != BLIND)) for draw, faces in ways]
                 work[_Way(cycle.name, turns, name)] = _chunks(prototype, courses, parameters)
         if library.cycles:
             faces = chain_faces(TURNS[0], draws[0], ROLLS)
@@ -96,9 +98,9 @@ def chain_study(
 
 
 def chain_faces(turns: str, draw: Draw, rolls: int) -> tuple[str, ...]:
-    """The faces of a chain of so many rolls, one of TURNS again and again, or RANDOM: this prototype's own."""
+    """The faces of a chain of so many rolls, one of TURNS again and again, the first for BLIND, or RANDOM: this prototype's own."""
     count = rolls // 2 - 1
-    chosen = [turns] * count
+    chosen = [turns if turns in TURNS else TURNS[0]] * count
     if turns == RANDOM:
         chosen = [TURNS[n] for n in np.random.default_rng([draw.seed, draw.number, 2]).integers(2, size=count)]
     return faces_of(REFERENCE_TC, REFERENCE_TO, chosen)
@@ -117,10 +119,9 @@ def _chunks(
 
 def _chains(way: _Way, trials: Trials, prototypes: int) -> Chains:
     """`trials`: of chains of ROLLS on all prototypes, then of those that tell the way in ten minutes, if there are any."""
-    reached = trials.reached[:prototypes].astype(int)
+    reached, wanted = trials.reached[:prototypes].astype(int), BLIND_ROLLS if way.turns == BLIND else ROLLS
     why = Counter(reason for reason in trials.reason[:prototypes] if reason)
-    whole: NDArray[np.bool_] = trials.reached >= ROLLS
-    whole[:prototypes] &= way.turns != RANDOM
+    whole: NDArray[np.bool_] = (trials.reached >= ROLLS) & (way.turns in TURNS)
     long = whole.copy()
     if len(long) > prototypes:
         long[:prototypes] = False
@@ -128,7 +129,7 @@ def _chains(way: _Way, trials: Trials, prototypes: int) -> Chains:
     way_m = trials.pace_m_s * trials.between_s
     return Chains(
         *way,
-        rate_of(int(reached.sum()), int(np.minimum(reached + 1, ROLLS).sum())),
+        rate_of(int(reached.sum()), int(np.minimum(reached + 1, wanted).sum())),
         rate_of(int(trials.feasible[:prototypes].sum()), prototypes),
         60.0 * _mean(trials.pace_m_s[whole]),
         _mean(np.minimum(DUTY * WINDOW_S * way_m / trials.driven_s, WINDOW_S * trials.pace_m_s)[long]),

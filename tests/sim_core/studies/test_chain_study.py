@@ -50,8 +50,12 @@ def test_it_never_goes_farther_in_ten_minutes_than_its_speed_permits():
 def test_a_small_study_rolls_on_and_stops_and_goes(prototype):
     library = replace(load_library("robust"), cycles=(PAIR,))
     found = c.chain_study(prototype, library, Law(0.02), 5, 2, (("stand-in", load_actuators()),))
-    assert [(one.cycle, one.turns) for one in found] == [*(("C1", t) for t in (*TURNS, c.RANDOM)), (c.STOP_AND_GO, TURNS[0])]
-    straight, rests = found[0], found[-1]
+    assert [(one.cycle, one.turns) for one in found] == [
+        *(("C1", t) for t in (*TURNS, c.RANDOM, c.BLIND)),
+        (c.STOP_AND_GO, TURNS[0]),
+    ]
+    straight, blind, rests = found[0], found[3], found[-1]
+    assert (blind.rolls.trials, blind.whole.trials) == (2 * c.BLIND_ROLLS, 2)
     assert straight.rolls.successes == straight.rolls.trials == 24
     assert straight.m_per_min > 2.5 * rests.m_per_min > 0.0
     assert straight.m_per_10min > rests.m_per_10min

@@ -155,9 +155,11 @@ def _roll_on(
 ) -> None:
     """The study of cycles on `count` prototypes."""
     from sim_core.dynamics.actuators import IDEAL, STAND_IN, load_actuators
+    from sim_core.dynamics.model import build_model
     from sim_core.errors import LibraryError
     from sim_core.studies.chain_study import chain_study
     from sim_core.studies.dask_runner import runner_of
+    from sim_core.studies.pace_bound import pace_bounds
     from tensegrity_lab.reports.chain_report import chains_document, chains_text
     from tensegrity_lab.reports.markdown import write_into
     from tensegrity_lab.terminal.progress import bars
@@ -169,7 +171,7 @@ def _roll_on(
     actuators = ((IDEAL, None), (STAND_IN, load_actuators()))
     with runner_of(scheduler) as run, bars("chains", "nothing was written") as bar:
         chains = chain_study(robot, shelf, plan.law, plan.seed, count, actuators, run, bar("trials"))
-    about = shelf, plan.law, plan.seed, count, chains
+    about = shelf, plan.law, plan.seed, count, chains, pace_bounds(build_model(robot))
     typer.echo(json.dumps(chains_document(*about)) if as_json else chains_text(*about))
     if page is not None:
         write_into(page, "cycles", chains_text(*about))
