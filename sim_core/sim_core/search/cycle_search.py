@@ -53,7 +53,8 @@ class CyclePlan:
 
     Attributes:
         name: of the library.
-        start: library whose primitives are the first pairs, and go into the new library.
+        start: library whose primitives are the first pairs.
+        primitives: library whose primitives go into the new one.
         seed: same plan and prototype, same library.
         offspring: pairs bred in a generation.
         generations: how many.
@@ -67,10 +68,11 @@ class CyclePlan:
 
     name: str = "continuous"
     start: str = "robust"
+    primitives: str = "staged"
     seed: int = 1
     offspring: int = 64
     generations: int = 20
-    keep: int = 4
+    keep: int = 2
     elites: int = 24
     apart_mm: int = 6
     scale: float = 0.12
@@ -191,21 +193,22 @@ class CycleSearch:
         self.generation += 1
 
     def library(self) -> Library:
-        """The start's primitives and the best cycles, chosen on more robots, with their switches counted. Takes a minute."""
+        """The best cycles, chosen on more robots, with their switches counted, and the plan's primitives. Takes a minute."""
+        rolls = load_library(self.plan.primitives)
         ranked = [t for t in self._elites if t.merit >= TRAINED][: 4 * self.plan.keep]
         trials = self._trained(ranked, "choice", range(self.plan.choice))
         again = sorted((_figured(one, found) for one, found in zip(ranked, trials, strict=True)), key=lambda t: (-t.merit, t.genes))
         cycles = tuple(self._measured(f"C{number}", one) for number, one in enumerate(again[: self.plan.keep], start=1))
         provenance = {
             "how": f"genetic search over pairs of policies that roll on, from pairs of library {self._start.name} "
-            f"{self._start.hash}, whose primitives are here too; ranked by chains on training prototypes",
+            f"{self._start.hash}; ranked by chains on training prototypes; primitives of library {rolls.name} {rolls.hash}",
             "plan": self.plan.as_dict(),
             "generations": self.generation,
             "nominal_courses": self.rolled,
             "training_courses": self.trained,
-            "start": dict(self._start.provenance),
+            "primitives": dict(rolls.provenance),
         }
-        return Library(self.plan.name, self._model_hash, provenance, self._start.primitives, cycles)
+        return Library(self.plan.name, self._model_hash, provenance, rolls.primitives, cycles)
 
     @property
     def _needed(self) -> float:

@@ -28,7 +28,7 @@ def test_a_search_that_was_stopped_goes_on_as_if_it_had_not_been(prototype):
     assert whole.progress.finished == 1.0
     library = whole.library()
     assert library.hash == again.library().hash
-    assert library.primitives == load_library("robust").primitives
+    assert library.primitives == load_library("staged").primitives
     (cycle,) = library.cycles
     assert set(cycle.turns) == set(TURNS)
     assert all(0 <= s.onto_next <= s.rolls <= 2 * 2 * 12 and 0 <= s.stayed <= s.leaves <= 4 for s in cycle.turns.values())

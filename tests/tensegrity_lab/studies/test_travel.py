@@ -57,6 +57,8 @@ def test_every_goal_on_both_floors_with_every_traveller_and_what_is_compared_com
     assert [case.incline_deg for case in cases[5:7]] == [0.0, 3.0]
     assert [case.use_odds for case in cases[:2]] == [True, False]
     assert cases[0].goal_m == cases[1].goal_m
+    level = cases_of(3, 1, "continuous", level=True)
+    assert [(case.goal_m, case.incline_deg, case.use_odds) for case in level] == [(case.goal_m, 0.0, True) for case in cases[:6:2]]
 
 
 def test_it_goes_on_where_it_was_stopped_for_all_that_a_line_is_cut_short(made, tmp_path):

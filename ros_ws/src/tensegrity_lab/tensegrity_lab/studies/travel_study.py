@@ -50,17 +50,16 @@ class Case:
         return self.incline_deg, self.library, self.use_odds
 
 
-def cases_of(
-    goals: int, seed: int, distance_m: float = DISTANCE_M, slope_deg: float = SLOPE_DEG, library: str = "robust"
-) -> list[Case]:
+def cases_of(goals: int, seed: int, library: str = "robust", level: bool = False) -> list[Case]:
     """Every goal on both floors with every traveller; directions drawn by the seed. The robot of a goal is always the same.
 
+    `level`: on level ground only, by the traveller that knows odds.
     What is compared comes together, so that a study that is ended early has something to compare.
     """
     angles = np.random.default_rng(seed).uniform(0.0, 2.0 * math.pi, goals)
-    places = [(round(distance_m * math.cos(a), 3), round(distance_m * math.sin(a), 3)) for a in angles]
-    floors = (0.0, slope_deg)
-    return [Case(n, place, deg, library, odds) for deg in floors for n, place in enumerate(places, 1) for odds in TRAVELLERS]
+    places = [(round(DISTANCE_M * math.cos(a), 3), round(DISTANCE_M * math.sin(a), 3)) for a in angles]
+    floors, travellers = ((0.0,), TRAVELLERS[:1]) if level else ((0.0, SLOPE_DEG), TRAVELLERS)
+    return [Case(n, place, deg, library, odds) for deg in floors for n, place in enumerate(places, 1) for odds in travellers]
 
 
 MOST_BYTES = 256_000_000
@@ -165,12 +164,27 @@ def summary_of(trips: Sequence[Trip]) -> tuple[object, ...]:
     )
 
 
-def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: str, picture: str) -> str:
-    """The page, as Markdown. `left`: how many travels are still to be made."""
+def tables_of(found: dict[Case, Trip]) -> tuple[str, str]:
+    """Of all travels, and of each."""
     rows = [
         (*words_of(group), *summary_of([trip for case, trip in found.items() if case.group == group])) for group in groups_of(found)
     ]
-    each = [_row(case, trip) for case, trip in found.items()]
+    return table(SUMMARY, rows, "ll" + "r" * 9), table(EVERY, [_row(*one) for one in found.items()], "rlrll" + "r" * 6)
+
+
+def level_text(found: dict[Case, Trip], robot: VirtualRobot, command: str) -> str:
+    """Travels on level ground, for the page of rolling on."""
+    about = (
+        f"{len(found)} goals at {DISTANCE_M:g} m, each for a robot of its own at ±{100 * robot.perturbation:g} % with "
+        f"{robot.actuators} actuators, the same as in [the study of travels](travel.md), at {robot.time_scale:g} times real time. "
+        f"Written by `{command}`."
+    )
+    return "\n\n".join((about, *tables_of(found)))
+
+
+def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: str, picture: str) -> str:
+    """The page, as Markdown. `left`: how many travels are still to be made."""
+    summary, each = tables_of(found)
     scales = sorted({f"{trip.time_scale:g}" for trip in found.values()}, key=float)
     goals = len({case.number for case in found})
     lines = [
@@ -189,7 +203,7 @@ def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: st
         f"{' or '.join(scales)} times real time; a travel whose prototype took its orders more than {LATE_S:g} s of robot time",
         "late, because the computer was busy, was made again at a slower pace.",
         "",
-        table(SUMMARY, rows, "ll" + "r" * 9),
+        summary,
         "",
         "*Rolling time* is robot time from first to last move of all rolls; resting for the actuators' duty is not counted.",
         "*m/min* is the distance won over the rolling time; *in chains* are rolls without a stop between.",
@@ -199,7 +213,7 @@ def page_of(found: dict[Case, Trip], left: int, robot: VirtualRobot, command: st
         "",
         "## Every travel",
         "",
-        table(EVERY, each, "rlrll" + "r" * 6),
+        each,
     ]
     return "\n".join(lines) + "\n"
 

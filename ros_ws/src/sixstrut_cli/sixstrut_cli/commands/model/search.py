@@ -23,13 +23,13 @@ if TYPE_CHECKING:
 
 def command(
     plan_name: Annotated[
-        Literal["improved", "previous", "robust", "continuous"],
-        typer.Argument(metavar="PLAN", help="improved, previous, robust or continuous."),
+        Literal["improved", "previous", "robust", "staged", "continuous"],
+        typer.Argument(metavar="PLAN", help="improved, previous, robust, staged or continuous."),
     ] = "improved",
     output: Annotated[Path | None, typer.Option("--output", "-o", help="Library YAML; default: out/search/PLAN.yaml.")] = None,
     seed: Annotated[int, typer.Option(min=0, help="Same seed and options, same library.")] = 1,
     keep: Annotated[
-        int | None, typer.Option(min=1, help="Primitives per class, or cycles.", show_default="20 primitives, 4 cycles")
+        int | None, typer.Option(min=1, help="Primitives per class, or cycles.", show_default="20 primitives, 2 cycles")
     ] = None,
     roll_class: Annotated[str | None, typer.Option("--class", help="TC6-TO5 or TO5-TC6; default: both.")] = None,
     active: Annotated[int | None, typer.Option(min=1, max=6, help="Struts that a policy may move.", show_default="6")] = None,
@@ -46,7 +46,8 @@ def command(
     """Find primitives of both classes with a genetic algorithm; the shipped libraries are made by their plans' names.
 
     improved: feasible with the improved model. previous: with the paper's previous model. robust: improved, and those that work
-    best on perturbed prototypes and inclined ground. continuous: robust's primitives, and cycles that roll on without stopping.
+    best on perturbed prototypes and inclined ground. staged: robust's, and those that tip in one stage and stand firm in the next.
+    continuous: staged's primitives, and cycles that roll on without stopping.
     Ctrl-C stops it; the same command goes on after the last finished generation.
 
     sixstrut search

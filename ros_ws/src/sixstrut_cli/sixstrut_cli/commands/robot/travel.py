@@ -27,6 +27,9 @@ def command(
         int,
         typer.Option(metavar="N", min=0, help="Instead: N goals at 1 m, on two floors, with what is known of gaits and without."),
     ] = 0,
+    level: Annotated[
+        bool, typer.Option("--level", help="Of a study: level ground only; --page writes it into the page of rolling on.")
+    ] = False,
     reach: Annotated[float, typer.Option(min=0.02, help="How near is near enough, in m.")] = 0.08,
     most_rolls: Annotated[int, typer.Option(min=1, help="Give up after so many rolls.")] = 60,
     ignore_odds: Annotated[bool, typer.Option("--ignore-odds", help="Take all gaits for equally likely.")] = False,
@@ -59,6 +62,8 @@ def command(
         raise typer.BadParameter("a study takes a domain of its own for each trip", param_hint="--domain")
     if bool(place) == bool(study):
         raise typer.BadParameter("give a place such as 0.6,0.3, or --study N", param_hint="X,Y")
+    if level and not study:
+        raise typer.BadParameter("only a study is made on two floors: give --study N as well", param_hint="--level")
     if page and not study:
         raise typer.BadParameter("only a study makes a page: give --study N as well", param_hint="--page")
     bags = output or (output_folder("travel") if study else Path("bags"))
@@ -69,7 +74,7 @@ def command(
     robot = VirtualRobot(from_face, seed, perturbation, time_scale, board, actuators, library, bags, incline)
     robot.require()
     if not place:
-        _study(study, robot, bags, page)
+        _study(study, robot, bags, level, page)
         return
     from tensegrity_lab.studies.travel import travel
     from tensegrity_lab.studies.travel_plot import travel_picture
@@ -94,11 +99,11 @@ def command(
         raise typer.Exit(4)
 
 
-def _study(goals: int, robot: VirtualRobot, folder: Path, page: bool) -> None:
+def _study(goals: int, robot: VirtualRobot, folder: Path, level: bool, page: bool) -> None:
     from tensegrity_lab.studies.travel_study import cases_of, read_trips, study
 
     robot.compile()
-    cases = cases_of(goals, robot.seed, library=robot.library)
+    cases = cases_of(goals, robot.seed, robot.library, level)
     screen = console()
     try:
         with screen.status("starting") as status:
@@ -110,22 +115,31 @@ def _study(goals: int, robot: VirtualRobot, folder: Path, page: bool) -> None:
         known = read_trips(folder)
         found = {case: known[case.key] for case in cases if case.key in known}
         if found:
-            _write(cases, found, robot, folder, page)
+            _write(cases, found, robot, folder, level, page)
 
 
-def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, folder: Path, page: bool) -> None:
+def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, folder: Path, level: bool, page: bool) -> None:
+    from tensegrity_lab.reports.markdown import write_into
     from tensegrity_lab.studies.travel_plot import study_picture
-    from tensegrity_lab.studies.travel_study import groups_of, page_of, words_of
+    from tensegrity_lab.studies.travel_study import groups_of, level_text, page_of, words_of
 
+    chosen = f"--study {len({case.number for case in cases})} --seed {robot.seed} --time-scale {robot.time_scale:g}"
+    chosen += "".join(
+        f" --{name} {value}"
+        for name, value, usual in (("library", robot.library, "robust"), ("actuators", robot.actuators, "stand-in"))
+        if value != usual
+    )
+    command = f"./sixstrut travel {chosen}{' --level' if level else ''} -o {folder}{' --page' if page else ''}"
+    if level:
+        typer.echo(text := level_text(found, robot, command))
+        if page and len(found) == len(cases):
+            write_into(results_page("rolling_on.md"), f"travels {robot.actuators}", text)
+        return
     target = results_page("travel.md") if page else folder / "travel.md"
     images = target.parent / "images"
     images.mkdir(parents=True, exist_ok=True)
     groups = groups_of(found)
     panels = [(", ".join(words_of(group)), [trip for case, trip in found.items() if case.group == group]) for group in groups]
-    goals = max(case.number for case in cases)
-    chosen = f"--study {goals} --seed {robot.seed} --time-scale {robot.time_scale:g}"
-    chosen += f" --library {robot.library}" if robot.library != "robust" else ""
-    command = f"./sixstrut travel {chosen} -o {folder}{' --page' if page else ''}"
     text = page_of(found, len(cases) - len(found), robot, command, "images/travel.png")
     target.write_text(text, encoding="utf-8")
     typer.echo(text)
