@@ -8,8 +8,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-from geometry_msgs.msg import Point32, PolygonStamped
 from rclpy.action import ActionClient, ActionServer, CancelResponse, GoalResponse
 from rclpy.action.server import ServerGoalHandle
 from rclpy.duration import Duration
@@ -19,7 +17,6 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from hardware_bridge.errors import may_be_sent_again
-from sim_core.dynamics.model import build_model
 from sim_core.errors import RollRefused, SimError
 from sim_core.gaits.cycle import Chain
 from sim_core.gaits.library import Gait, load_library, wanted_chain
@@ -40,8 +37,6 @@ from sim_core.gaits.strut_motion import Knot, constant_speed_knots
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.names import STRUT_NAMES
 from sim_core.planning.face_graph import FaceGraph
-from sim_core.planning.floor_planner import Floor
-from sim_core.planning.keep_in import parsed_keep_in
 from sim_core.rolling.warm_up import Stage, is_warm
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import in_stages, lengths_of, neutral_lengths
@@ -51,12 +46,11 @@ from sim_core.twin.live_bridge import LiveBridge
 from sim_core.uncertainty.perturbation_law import MAX_INCLINE_DEG, MAX_SCALE, Law
 from tensegrity_interfaces.action import ExecuteStruts, Roll
 from tensegrity_interfaces.msg import BridgeState, FaceObservation, Rehearsal, StrutsSent, TwinState
+from tensegrity_robot.planner.chain_area import ChainArea
 from tensegrity_robot.planner.lease_client import CALL_TIMEOUT_S, Lease
 from tensegrity_robot.planner.rehearsal_worker import Rehearser, Rehearsing, rehearsal_message
 from tensegrity_robot.planner.services import serve_face_graph, serve_rehearse, wanted_gait
-from tensegrity_robot.planner.told_joints import ToldJoints
 from tensegrity_robot.ros import qos, topics
-from tensegrity_robot.ros.conversions import frame_prefix
 from tensegrity_robot.ros.event_filters import EventTimes
 from tensegrity_robot.ros.node_help import About
 from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
@@ -154,8 +148,6 @@ class GaitPlannerNode(Node):
             p.settle_timeout_s,
             p.confirm_timeout_s,
         )
-        self._area = parsed_keep_in(p.keep_in)
-        self._floor = Floor(build_model(self._prototype)) if self._area is not None else None
         self._bridge: BridgeState | None = None
         self._sent: StrutsSent | None = None
         self._twin: TwinState | None = None
@@ -172,14 +164,10 @@ class GaitPlannerNode(Node):
         topics.STRUTS_SENT.subscribe(self, lambda event: live(event, self._on_sent), qos.STATES)
         topics.BRIDGE_FACE.subscribe(self, lambda event: live(event, self._on_face))
         topics.TWIN_STATE.subscribe(self, self._on_twin)
-        self._joints = ToldJoints(self)
-        topics.TWIN_JOINTS.subscribe(self, self._joints.predict)
-        topics.OBSERVED_JOINTS.subscribe(self, self._joints.see)
+        self._area = ChainArea(self, p.keep_in, self._prototype)
         self._lease = Lease(self, self._look, p.prototype)
         self._struts = ActionClient(self, ExecuteStruts, "execute_struts")
         self._rehearsals = topics.REHEARSAL.publisher(self)
-        self._told_area = topics.KEEP_IN.publisher(self)
-        self._tell_area()
         self._rehearser = (
             Rehearser(self._prototype, Law(p.rehearse_scale, incline_deg=p.rehearse_incline_deg), p.rehearse_members, DEFAULT_SEED)
             if p.rehearse_members
@@ -356,7 +344,7 @@ class GaitPlannerNode(Node):
         short = self._short_of(chain)
         if short:
             raise RollRefused(f"{short} (bridge/state): {_REMEDY}")
-        self._require_inside(chain)
+        self._area.require_inside(chain, self._observer)
         return RollPlan(source, chain.target, (), links=links, blind=blind)
 
     def _short_of(self, chain: Chain) -> str:
@@ -372,46 +360,6 @@ class GaitPlannerNode(Node):
     def _duty_left_s(self) -> float:
         left_s = math.inf if self._bridge is None else float(self._bridge.duty_left_s)
         return math.inf if math.isnan(left_s) else left_s
-
-    def _require_inside(self, chain: Chain) -> None:
-        """Raises RollRefused: the chain would leave the keep-in area, or nobody tells where the robot is."""
-        if self._area is None or self._floor is None:
-            return
-        joints = self._joints.newest(self._observer)
-        if joints is None:
-            raise RollRefused(
-                "keep_in is set and nobody tells where the robot is: start the twin or an observer, or roll face by face"
-            )
-        if self._area.outside_m(joints) > 0.0:
-            raise RollRefused("the robot is not inside of the keep-in area (keep_in): roll it in face by face")
-        out = self._area.leads_out(self._floor, self._floor.stance(chain.source, joints), chain.faces[1:])
-        if out:
-            raise RollRefused(
-                f"on {out} of these faces the robot would leave the keep-in area (keep_in): roll a shorter chain, or turn"
-            )
-
-    def _leaves_area(self, sequence: RollSequence) -> Move | None:
-        """A chain ends at the edge of the keep-in area: on a TC whose next rolls lead out; at once where the robot is out."""
-        coming, view = sequence.coming, self._view()
-        if self._area is None or self._floor is None or not coming:
-            return None
-        joints = self._joints.newest(self._observer)
-        if joints is None or self._area.outside_m(joints) > 0.0:
-            return sequence.give_up(
-                f"ended on the way to {coming[0]}: the robot came out of the keep-in area (keep_in)", missed=False
-            )
-        known = view.observed if view.observer else view.predicted
-        if known is not None and known.face == coming[0] and coming[0].startswith("TC"):
-            out = self._area.leads_out(self._floor, self._floor.stance(coming[0], joints), coming[1:3])
-            if out:
-                sequence.end_early(f"on {out} it would leave the keep-in area (keep_in)")
-        return None
-
-    def _tell_area(self) -> None:
-        message = PolygonStamped(header=Header(stamp=self.get_clock().now().to_msg(), frame_id=frame_prefix(self) + "odom"))
-        corners = self._area.corners_m if self._area is not None else np.zeros((0, 2))
-        message.polygon.points = [Point32(x=float(x), y=float(y)) for x, y in corners]
-        self._told_area.publish(message)
 
     def _require_source(self, request: Roll.Goal, source: str) -> None:
         if request.source_face and request.source_face != source:
@@ -510,7 +458,7 @@ class GaitPlannerNode(Node):
         else:
             self._watch_strength(roll)
             try:
-                step = self._leaves_area(roll.sequence) or roll.sequence.look(self._view())
+                step = self._area.watch(roll.sequence, self._view()) or roll.sequence.look(self._view())
             except SimError as error:
                 self._end_with(roll, str(error))
                 return
