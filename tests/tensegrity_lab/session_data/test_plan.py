@@ -18,7 +18,7 @@ from tensegrity_lab.session_data.plan import (
     plan_text,
     way_to_due,
 )
-from tensegrity_lab.trials.time_estimate import HANDS, Pace, estimate, runs_s
+from tensegrity_lab.trials.time_estimate import HANDS, Pace, estimate, work_of
 from tests.scale import examples
 from tests.tensegrity_lab.trials.sessions import planned
 
@@ -104,7 +104,7 @@ def test_the_robot_is_put_where_most_is_due_or_rolls_to_the_nearest():
 
 
 def test_the_papers_960_trials_take_one_person_one_day_and_few_placings():
-    day = estimate(planned("1-40"), "TC6", REAL)
+    day = estimate(planned("1-40"), "TC6", REAL, LIBRARY)
     assert day.trials == 960
     assert 4 * 3600 < day.wall_s < 10 * 3600
     assert day.placings < 20
@@ -113,12 +113,12 @@ def test_the_papers_960_trials_take_one_person_one_day_and_few_placings():
 def test_duty_is_counted_as_the_bridge_does_and_sets_the_pace():
     plan = planned("1-4,21-24")
     fast = Pace(0.015, 1.0, hands_s=0.0, placing_s=0.0)
-    told = estimate(plan, "TC6", fast)
-    busiest_s = sum(runs_s(slot.policy_mm, 0.015) for slot in plan).max()
+    told = estimate(plan, "TC6", fast, LIBRARY)
+    busiest_s = sum(work_of(slot, LIBRARY, 0.015).runs_s for slot in plan).max()
     assert told.busiest_s == pytest.approx(busiest_s)
     assert told.rest_s > 0.0
     assert told.wall_s >= 0.9 * (busiest_s / 0.2 - 600.0), "20 % of the time, but for the first window"
 
 
 def test_nothing_due_takes_no_time():
-    assert estimate([], "", REAL) == (0, 0, 0.0, 0.0, 0.0)
+    assert estimate([], "", REAL, LIBRARY) == (0, 0, 0.0, 0.0, 0.0)

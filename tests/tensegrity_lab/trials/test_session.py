@@ -68,7 +68,7 @@ class Imagined:
         was, self.late = self.late, False
         return was
 
-    def roll(self, source, target, primitive, tell, watch):
+    def roll(self, source, target, primitive, tell, watch, faces=()):
         assert source == self.face, "a roll begins where the robot is"
         watch()
         number = len(self.rolls)

@@ -8,10 +8,11 @@ from typing import Any
 from hardware_bridge.errors import BagError
 from hardware_bridge.recording.bag_reader import read_session
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_ns, utc_text
+from tensegrity_lab.session_data.ledger_line import ADDED, Event, Line, Outcome, utc_ns, utc_text
 
 TOPIC = "bridge/trial"
 _SAME = [f.name for f in fields(Line) if f.name not in ("recorded", "began")]
+_BEFORE = [name for name in _SAME if name not in ADDED]
 
 
 def message_of(line: Line) -> Any:
@@ -34,7 +35,8 @@ def _plain(value: Any) -> Any:
 
 def line_of_message(message: Any) -> Line:
     """The line of a TrialRecord, decoded by anybody."""
-    values = {name: getattr(message, name) for name in _SAME}
+    values = {name: getattr(message, name) for name in _BEFORE}
+    values |= {"chain": str(getattr(message, "chain", "")), "rolls": int(getattr(message, "rolls", 0))}  # not in bags of before
     values |= {"event": Event(message.event), "outcome": Outcome(message.outcome)}
     values |= {"policy_mm": tuple(int(v) for v in message.policy_mm), "faces": tuple(str(v) for v in message.faces)}
     return Line(**values, recorded=_text(message.header.stamp), began=_text(message.began))
@@ -49,5 +51,5 @@ def lines_in_bag(path: Path) -> list[Line]:
     """Trials in a bag, in order. Raises SessionError: it cannot be read."""
     try:
         return [line_of_message(message) for message in read_session(path, topics=[TOPIC]).of(TOPIC)]
-    except (BagError, ValueError, OverflowError) as error:
+    except (BagError, TypeError, ValueError, OverflowError) as error:
         raise SessionError(f"cannot read the trials in bag {path}: {error}") from error
