@@ -83,7 +83,7 @@ class RobotAccess:
         self._links: Path | None = None
         self._neutral_m = neutral_lengths(load_prototype()).tolist()
         self._late = LateOrders()
-        self._too_late = ""
+        self._hurried = False
         self._eye: ObserverClient | None = None
         self.operator: Any = None
         self.starts = 0
@@ -235,9 +235,12 @@ class RobotAccess:
         self.operator.wait_for_duty(needed_s, 30.0 + 700.0 / self.scale, watch)
 
     def slow_down(self) -> bool:
-        """At half the time scale from the next start on, if the last roll's orders came too late; False: no need, or no way."""
+        """At half the time scale from the next start on, if that may mend the last roll; False: no need, or no way.
+
+        It may if orders came too late, or a chain ended early: waiting for late orders wears out the duty that it has.
+        """
         hardware = self._hardware
-        if not self._too_late or hardware.port or hardware.time_scale <= 1.0:
+        if not self._hurried or hardware.port or hardware.time_scale <= 1.0:
             return False
         self._hardware = replace(hardware, time_scale=max(1.0, hardware.time_scale / 2.0))
         return True
@@ -265,13 +268,14 @@ class RobotAccess:
             watch()
 
         self._late.forget()
-        self._too_late = ""
+        self._hurried = False
         limit_s = 30.0 + (ROLL_LIMIT_S + LINK_LIMIT_S * len(faces)) / self.scale
         result = self.operator.roll(target, source, primitive, tell=tell, limit_s=limit_s, watch=look, faces=faces)
         errors = self.operator.bridge.write_errors - before
         if errors:
             complaints.append(f"{errors} write errors")
-        late = self._too_late = self._late.too_late(self.scale)
+        late = self._late.too_late(self.scale)
+        self._hurried = bool(late or result.ended_early)
         if late:
             with suppress(StackError):
                 self.wait_for_rest()

@@ -15,6 +15,8 @@ from tensegrity_lab.session_data.plan import Slot, chain_in, next_due, placing
 
 SETTLE_S = 5.0
 """Robot time from the end of a motion to the word that the robot rests."""
+HELD = 1.2
+"""Struts that are held under load run, too: by so much more than they move in a chain, as measured on virtual prototypes."""
 MARGIN_S = 4.0
 """Running time that a chain leaves over beside that of two rolls and the way back, so that the planner does not end it early."""
 
@@ -82,7 +84,8 @@ def work_of(gait: Slot | Line, library: Library, speed_m_s: float) -> Work:
     policies = np.array([NEUTRAL, *(roll.policy for roll in rolls), NEUTRAL], dtype=float)
     ways_s = 1e-3 * np.abs(np.diff(policies, axis=0)) / speed_m_s
     back_s, times_s = float(ways_s[-1].max()), np.array([roll.dwell_s + roll.time_s for roll in rolls])
-    runs_s = np.minimum(ways_s[:-1], times_s[:, None]).sum(axis=0) + ways_s[-1]  # the next roll overtakes what is not there yet
+    moves_s = np.minimum(ways_s[:-1], times_s[:, None]).sum(axis=0) + ways_s[-1]  # the next roll overtakes what is not there yet
+    runs_s = HELD * moves_s
     two_s = float((times_s[:-1] + times_s[1:]).max())
     needs_s = float(runs_s.max()) + two_s + MARGIN_S
     return Work(runs_s, float(times_s.sum()) + back_s, min(needs_s, *(budget_s for _, budget_s in Limits().duty_windows)))
