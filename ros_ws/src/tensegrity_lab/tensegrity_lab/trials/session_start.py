@@ -56,6 +56,8 @@ from tensegrity_lab.trials.time_estimate import HANDS, PROGRAM, Estimate, Pace, 
 DEFAULTS: dict[str, Any] = {"library": "robust", "primitives": "all", "gaits": "all", "repeats": 1}
 VIRTUAL_DEFAULTS: dict[str, Any] = {"perturbation": 0.05, "seed": 1, "actuators": "stand-in"}
 EXIT_LEFT = 130
+CHAIN_TIME_SCALE = 2.0
+"""A virtual prototype rolls chains no faster than this: what is late on the way from its observer to its struts fails them."""
 
 
 @dataclass(frozen=True)
@@ -166,11 +168,11 @@ def _planned(asked: TrialRequest, path: Path, console: Console) -> tuple[Setting
         if wrong:
             raise SessionError(f"--{wrong[0]} is of a virtual prototype that the session starts: give --virtual and no --port")
         chosen.setdefault("robot", "virtual prototype at a port" if virtual else "prototype")
-    if not (asked.plan_only or asked.automatic):
-        require_keyboard()
     library = load_library(chosen.pop("library"))
     gaits = chosen_gaits(chosen_primitives(library, chosen["primitives"]), chosen["gaits"])
     _require_observer(asked, any(isinstance(gait, Chain) for gait in gaits))
+    if not (asked.plan_only or asked.automatic):
+        require_keyboard()
     compile_first(Stage.BATCH)
     with console.status(f"predicting {len(gaits)} gaits with the nominal model"):
         plan = planned(gaits, library, build_model(load_prototype()), chosen["repeats"], chosen["order_seed"])
@@ -189,6 +191,8 @@ class _Run:
     """One start of the program on a session."""
 
     def __init__(self, asked: TrialRequest, folder: SessionFolder, console: Console):
+        if any(slot.chain for slot in folder.plan):
+            asked = replace(asked, hardware=replace(asked.hardware, time_scale=min(asked.hardware.time_scale, CHAIN_TIME_SCALE)))
         self._asked, self._folder, self._console = asked, folder, console
         self._ledger = Ledger(folder.path)
         self._virtual = folder.settings.virtual_robot
