@@ -243,4 +243,6 @@ def test_a_session_of_chains_is_estimated_as_one_of_rolls():
     told = estimate(with_chains("reference", repeats=4), "TC6", REAL, cyclic())
     assert (told.trials, told.placings) == (8, 0)
     assert told.busiest_s > 8 * 25.0
+    long = with_chains("-".join(["TC6-TO5-TC3-TO4-TC4-TO12-TC2-TO3-TC7-TO8-TC5-TO9"] * 2 + ["TC6"]), repeats=3)
+    assert estimate(long, "TC6", REAL, cyclic()).rest_s < 3 * 300.0, "a chain longer than a minute has pauses of its own"
     assert told.wall_s > told.busiest_s / 0.2 - 600.0

@@ -111,7 +111,8 @@ def estimate(due: Sequence[Slot], face: str, pace: Pace, library: Library) -> Es
             face = placing(left)
             continue
         work = work_of(slot, library, pace.speed_m_s)
-        wait_s = min(duty.wait_s(work.runs_s, now_s, limits), limits.longest_window_s)
+        at_once_s = np.minimum(work.runs_s, limits.burst_fraction * limits.burst_window_s)  # a long chain has pauses of its own
+        wait_s = min(duty.wait_s(at_once_s, now_s, limits), limits.longest_window_s)
         rest_s, now_s = rest_s + wait_s, now_s + wait_s
         duty = duty.ran(work.runs_s.tolist(), now_s, limits)
         busy_s += work.runs_s
