@@ -113,6 +113,15 @@ def test_a_roll_that_ended_elsewhere_failed_and_one_without_a_rehearsal_does_not
     assert found[-1].ended == "TC1"
 
 
+def test_chains_are_left_out_and_said_to_be(monkeypatch):
+    session = read_session(BAG)
+    first = next(iter(session.of("rehearsal")))
+    first.gaits[0].target_face = "TC3"
+    assert first.source_face.startswith("TC")
+    monkeypatch.setattr(rehearsed_rolls, "read_session", lambda path, topics: session)
+    assert [one.is_chain for one in foretold_in(BAG)] == [True, False, False]
+
+
 def test_void_trials_do_not_count(monkeypatch):
     all_of_them = foretold_in(BAG)
     tries = rehearsed_rolls.attempts_of(read_session(BAG), 0.234)

@@ -14,14 +14,16 @@ from scipy import stats
 
 from hardware_bridge.recording.message_definitions import ShareSchemas
 from sim_core.files.yaml_reader import yaml_text
+from sim_core.studies.binomial_intervals import rate_of
 from tensegrity_lab.errors import SessionError
+from tensegrity_lab.reports.robustness_report import spread
 from tensegrity_lab.reports.trial_analysis import Group
-from tensegrity_lab.reports.trial_report import TrialReport
-from tensegrity_lab.session_data.bag_messages import message_of
+from tensegrity_lab.reports.trial_report import TrialReport, summary_of
+from tensegrity_lab.session_data.bag_messages import lines_in_bag, message_of
 from tensegrity_lab.session_data.ledger import LEDGER, Ledger, read_lines
 from tensegrity_lab.session_data.ledger_line import Event, Outcome
 from tests.sixstrut_cli.test_commands import sixstrut
-from tests.tensegrity_lab.trials.sessions import add, begun, planned, try_all
+from tests.tensegrity_lab.trials.sessions import add, begun, cyclic, planned, try_all, with_chains
 
 PLAN = planned("1-3,21-22")
 EXAMPLE = Path(__file__).parents[3] / "bags" / "example"
@@ -74,21 +76,26 @@ def test_rates_and_intervals_follow_from_the_trials_alone(written):
         assert (float(row["low"]), float(row["high"])) == pytest.approx(tuple(interval))
 
 
-@pytest.mark.ros
-def test_a_recording_of_rosbag2_with_the_trials_is_reported_as_the_session(bad, tmp_path):
-    bag = tmp_path / "recorded"
+def recorded(bag, lines, definition=str):
+    """A folder as rosbag2 records trials. `definition`: changes the records'."""
     bag.mkdir()
     with (bag / "recorded_0.mcap").open("wb") as stream:
         writer = Writer(stream)
         writer.start("ros2", "rosbag2")
         name = "tensegrity_interfaces/msg/TrialRecord"
-        kind = writer.register_schema(name, "ros2msg", ShareSchemas().schema_text(name).encode())
+        kind = writer.register_schema(name, "ros2msg", definition(ShareSchemas().schema_text(name)).encode())
         channel = writer.register_channel("/bridge/trial", "cdr", kind)
-        for at, line in enumerate(read_lines(bad.path / LEDGER)[0]):
+        for at, line in enumerate(lines):
             writer.add_message(channel, at, serialize_message(message_of(line)), at)
         writer.finish()
     information = {"version": 9, "storage_identifier": "mcap", "relative_file_paths": ["recorded_0.mcap"]}
     (bag / "metadata.yaml").write_text(yaml_text({"rosbag2_bagfile_information": information}), encoding="utf-8")
+    return bag
+
+
+@pytest.mark.ros
+def test_a_recording_of_rosbag2_with_the_trials_is_reported_as_the_session(bad, tmp_path):
+    bag = recorded(tmp_path / "recorded", read_lines(bad.path / LEDGER)[0])
     ours, theirs = Group([bad.path]), Group([bag])
     assert (theirs.names, theirs.rates, theirs.label) == (ours.names, ours.rates, ours.label)
     result = sixstrut("report", str(bag))
@@ -175,3 +182,70 @@ def test_what_is_no_session_or_does_not_belong_together_is_refused(good, tmp_pat
     try_all(real, {0: Outcome.SUCCESS})
     with pytest.raises(SessionError, match="do not belong together"):
         Group([good.path, real.path])
+
+
+# ---- chains
+
+
+@pytest.fixture(scope="module")
+def chained(tmp_path_factory):
+    """Two chains made, one missed its fourth roll, one made all and did not stay; one is void; and three rolls."""
+    plan = with_chains("reference", repeats=2) + planned("1-3", "reference")
+    folder = begun(tmp_path_factory.mktemp("s") / "chained", plan)
+    ledger = Ledger(folder.path)
+    for slot, rolls in zip(plan, (12, 12, 3, 12), strict=False):
+        add(ledger, slot, Outcome.SUCCESS if slot in plan[:2] else Outcome.FAILURE, rolls=rolls)
+    add(ledger, plan[0], Outcome.VOID, rolls=8)
+    for slot in plan[4:]:
+        add(ledger, slot, Outcome.SUCCESS)
+    return folder
+
+
+def test_chains_are_counted_whole_and_by_their_rolls_and_nowhere_else(chained, tmp_path):
+    name = f"continuous {cyclic().hash[:4]} C1"  # the rolls are of another library
+    result = sixstrut("report", str(chained.path), "-o", str(tmp_path))
+    assert result.returncode == 0, result.stderr
+    assert f"chains by {name}: 2 of 4" in result.stdout
+    assert "rolls 39 of 40" in result.stdout, "what was begun: all that were made, and the one that missed"
+    assert "all trials: 3 of 3" in result.stdout
+    table = {row["of"]: (row["cycle"], row["successes"], row["trials"]) for row in rows(tmp_path / "chains.csv")}
+    assert table == {"chains": (name, "2", "4"), "rolls": (name, "39", "40")}
+    assert {row["primitive"].split()[-1] for row in rows(tmp_path / "primitives.csv")} == {"P1", "P2", "P3"}
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "chains made" in page
+    assert "failure, 3 of 12 rolls" in page
+    trials = rows(tmp_path / "trials.csv")
+    assert [row["rolls"] for row in trials] == ["12", "12", "3", "12", "8", "1", "1", "1"]
+    assert trials[0]["chain"].count("-") == 12
+
+
+def test_a_session_of_chains_alone_is_reported_too(tmp_path):
+    plan = with_chains("TC6-TO5-TC3")
+    add(Ledger(begun(tmp_path / "s", plan).path), plan[0], Outcome.SUCCESS)
+    report = TrialReport([tmp_path / "s"], [], "")
+    assert summary_of(report).splitlines()[:2] == [
+        "(a) continuous, virtual: chains alone",
+        f"    chains by C1: {spread(rate_of(1, 1))}; rolls {spread(rate_of(2, 2))}",
+    ]
+    page = report.write(tmp_path / "out").read_text(encoding="utf-8")
+    assert "Chains" in page
+    assert "Figure 8" not in page
+    assert not (tmp_path / "out" / "primitives.csv").exists()
+
+
+@pytest.mark.ros
+def test_a_chain_s_record_reads_back_from_a_bag_and_records_of_before_are_single_rolls(chained, tmp_path):
+    lines = read_lines(chained.path / LEDGER)[0]
+    again = lines_in_bag(recorded(tmp_path / "now", lines))
+    assert [(line.chain, line.rolls, line.gait) for line in again] == [(line.chain, line.rolls, line.gait) for line in lines]
+
+    def before(text):
+        fields = ("string chain", "uint32 rolls")
+        assert sum(line.startswith(fields) for line in text.splitlines()) == 2
+        return "\n".join(line for line in text.splitlines() if not line.startswith(fields))
+
+    old = lines_in_bag(recorded(tmp_path / "before", lines, before))
+    assert [(line.chain, line.rolls) for line in old] == [("", 0)] * len(lines)
+    assert [replace(line, wall_s=0.0, battery_v=0.0, robot_s=0.0) for line in old] == [
+        replace(line, wall_s=0.0, battery_v=0.0, robot_s=0.0, chain="", rolls=0) for line in lines
+    ]

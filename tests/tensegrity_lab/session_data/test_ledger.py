@@ -15,7 +15,8 @@ from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.csv_tables import write_table
 from tensegrity_lab.session_data.ledger import LEDGER, Ledger, standing_of
 from tensegrity_lab.session_data.ledger_line import COLUMNS, Event, Outcome, line_of, text_of, utc_ns, utc_text
-from tests.tensegrity_lab.trials.sessions import add, planned
+from tensegrity_lab.session_data.plan import due_of
+from tests.tensegrity_lab.trials.sessions import add, begun, planned, with_chains
 from tests.tensegrity_lab.trials.sessions import line_of as line_for
 
 PLAN = planned()
@@ -142,6 +143,36 @@ def test_lines_that_contradict_each_other_are_refused(events, complaint):
     lines = [replace(line_for(PLAN[0], number, event), outcome=Outcome.SUCCESS) for event, number in events]
     with pytest.raises(SessionError, match=complaint):
         standing_of(lines)
+
+
+def test_a_chain_s_line_tells_its_faces_and_rolls_and_chains_with_equal_ends_are_due_apart(tmp_path):
+    plan = with_chains("reference")
+    ledger = Ledger(begun(tmp_path / "s", plan).path)
+    done = add(ledger, plan[0], Outcome.FAILURE, rolls=7)
+    again = Ledger(tmp_path / "s").lines[-1]
+    assert (again.chain, again.rolls, again.wanted, again.gait) == (plan[0].chain, 7, 12, plan[0].gait)
+    assert (again.name, again.ended) == (plan[0].name, "failure, 7 of 12 rolls")
+    assert done.target == plan[0].source == plan[1].source == plan[1].target
+    assert due_of(plan, ledger.standing().done()) == [plan[1]]
+
+
+def test_a_ledger_of_before_reads_and_goes_on_with_its_own_columns(tmp_path):
+    head = "event,number,recorded,session,experimenter,robot,virtual_robot,library,library_hash,primitive,roll_class,source,target,"
+    head += "repeat,proper,policy_mm,odds,predicted,outcome,reason,observed_face,faces,began,robot_s,wall_s,battery_v,faults,bag,"
+    head += "bag_offset_s,check"
+    when = "2026-01-02T03:04:05.678901Z"
+    facts = f"{when},s,Ada,ours,true,robust,0123456789abcdef,P1,TC6-TO5,TC6,TO5,1,true,-8 45 -15 20 -45 -34,0.9,true"
+    rows = [f"begin,1,{facts},,,,,{when},,,,,a.mcap,1.5", f"trial,1,{facts},success,,TO5,TC6 TO5,{when},7.0,8.0,,,a.mcap,1.5"]
+    old = "".join(f"{text}\n" for text in [head, *(f"{row},{zlib.crc32(row.encode()):08x}" for row in rows)])
+    (tmp_path / LEDGER).write_text(old, encoding="utf-8")
+    ledger = Ledger(tmp_path)
+    (line,) = ledger.standing().valid
+    assert (line.gait, line.chain, line.rolls, ledger.damaged) == (("P1", "TC6", "TO5", 1), "", 0, 0)
+    add(ledger, PLAN[0], Outcome.SUCCESS)
+    assert Ledger(tmp_path).damaged == 0
+    assert len(Ledger(tmp_path).standing().valid) == 2
+    table = list(csv.DictReader(io.StringIO((tmp_path / LEDGER).read_text(encoding="utf-8"))))
+    assert [row["check"] for row in table] == [text.rpartition(",")[2] for text in (tmp_path / LEDGER).read_text().splitlines()[1:]]
 
 
 def test_another_file_is_refused_by_name(tmp_path):

@@ -80,3 +80,9 @@ def test_libraries_of_which_none_is_shipped_are_a_clear_error(tmp_path):
     result = sixstrut("campaign", str(tmp_path / "c"), *SMALL, "--libraries", "unheard", "--sample", "0")
     assert result.returncode == 1
     assert "none of the libraries unheard is shipped" in result.stderr
+
+
+def test_cycles_are_refused_with_what_takes_them(tmp_path):
+    result = sixstrut("campaign", str(tmp_path / "c"), "--libraries", "continuous", "--primitives", "C1", "--prototypes", "1")
+    assert result.returncode == 1
+    assert "a campaign takes primitives; `trial` and `robustness --cycles` take cycles" in result.stderr

@@ -18,9 +18,10 @@ from tensegrity_lab.session_data.folder import LIBRARY, begin_session
 from tensegrity_lab.session_data.ledger import Ledger
 from tensegrity_lab.session_data.ledger_line import Outcome
 from tensegrity_lab.studies import fit_trials
+from tensegrity_lab.studies.fit import text_of
 from tensegrity_lab.studies.fit_trials import read_tries
 from tests.sixstrut_cli.test_commands import sixstrut
-from tests.tensegrity_lab.trials.sessions import add, begun, graph, planned, try_all
+from tests.tensegrity_lab.trials.sessions import add, begun, graph, planned, try_all, with_chains
 
 PLAN = planned("1", "TC6-TO5,TC6-TO7,TC7-TO11", repeats=2)
 BAG = Path(__file__).parents[3] / "bags" / "example"
@@ -130,3 +131,16 @@ def test_trials_in_a_bag_count_without_those_revoked(monkeypatch, session, model
     monkeypatch.setattr(fit_trials, "lines_in_bag", lambda path: lines)
     tries = read_tries([tmp_path / "a.mcap"], model)
     assert len(tries.seen) == len(PLAN) - 1
+
+
+def test_chains_are_left_out_of_a_fit_which_says_so(tmp_path, model):
+    plan = with_chains("reference") + planned("1", "reference")
+    folder = begun(tmp_path / "chained", plan)
+    try_all(folder, dict.fromkeys(range(3), Outcome.SUCCESS))
+    tries = read_tries([folder.path], model)
+    assert (tries.names, tries.chains) == (("P1",), 2)
+    assert "2 chain(s) are left out: a fit takes single rolls" in text_of(tries, None)
+    alone = begun(tmp_path / "alone", with_chains("reference"))
+    try_all(alone, {0: Outcome.SUCCESS})
+    with pytest.raises(SessionError, match="void and revoked ones and chains do not count"):
+        read_tries([alone.path], model)

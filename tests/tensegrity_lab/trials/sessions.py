@@ -5,7 +5,7 @@ from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
-from sim_core.gaits.library import load_library
+from sim_core.gaits.library import Library, load_library
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from tensegrity_lab.session_data.folder import SessionFolder, Settings, begin_session
@@ -31,15 +31,27 @@ def graph() -> FaceGraph:
 
 def begun(path: Path, plan: list[Slot], robot: str = "virtual one", virtual: bool = True) -> SessionFolder:
     """A session's folder."""
-    library = graph().library
+    library = cyclic() if any(slot.chain for slot in plan) else graph().library
     facts = {"primitives": "x", "gaits": "x", "repeats": 1, "order_seed": 1}
     settings = Settings(path.name, WHEN, library.name, library.hash, robot=robot, virtual_robot=virtual, **facts)
     return begin_session(path, settings, plan, library)
 
 
+def with_chains(gaits: str = "reference", repeats: int = 1) -> list[Slot]:
+    """A plan of the first cycle of the library `continuous`."""
+    chosen = chosen_gaits(chosen_primitives(cyclic(), "C1"), gaits)
+    return make_plan(chosen, [True] * len(chosen), FaceGraph(cyclic()), repeats, 1)
+
+
+@cache
+def cyclic() -> Library:
+    """The library `continuous`, which has cycles."""
+    return load_library("continuous")
+
+
 def line_of(slot: Slot, number: int, event: Event = Event.BEGIN, robot: str = "virtual one", virtual: bool = True) -> Line:
     """A line of a ledger."""
-    library = graph().library
+    library = cyclic() if slot.chain else graph().library
     who = ("a session", "somebody", robot, virtual, library.name, library.hash)
     return Line(event, number, WHEN, *who, **slot._asdict(), began=WHEN, bag="a.mcap", bag_offset_s=1.5)
 
@@ -52,10 +64,15 @@ def try_all(folder: SessionFolder, outcomes: dict[int, Outcome]) -> Ledger:
     return ledger
 
 
-def add(ledger: Ledger, slot: Slot, outcome: Outcome, robot: str = "virtual one", virtual: bool = True) -> Line:
-    """One whole trial; its line."""
+def add(
+    ledger: Ledger, slot: Slot, outcome: Outcome, robot: str = "virtual one", virtual: bool = True, rolls: int | None = None
+) -> Line:
+    """One whole trial; its line. `rolls`: that a chain made; default: all if it succeeded."""
     line = line_of(slot, ledger.standing().last_number + 1, robot=robot, virtual=virtual)
     ledger.append(line)
     face = slot.target if outcome is Outcome.SUCCESS else slot.source
-    ledger.append(ended := replace(line, event=Event.TRIAL, outcome=outcome, observed_face=face, faces=(slot.source, face)))
-    return ended
+    rolls = line.wanted * (outcome is Outcome.SUCCESS) if rolls is None else rolls
+    faces = tuple(slot.chain.split("-")[: rolls + 1]) if slot.chain else (slot.source, face)
+    line = replace(line, event=Event.TRIAL, outcome=outcome, observed_face=face, faces=faces, rolls=rolls)
+    ledger.append(line)
+    return line

@@ -13,7 +13,8 @@ from tensegrity_lab.trials.judge import Observer
 from tensegrity_lab.trials.panel import Panel, Shown, big, picture
 from tensegrity_lab.trials.robot_access import Rolled
 from tensegrity_lab.trials.session import KILLED, VOIDS_ALLOWED, Session
-from tests.tensegrity_lab.trials.sessions import add, begun, graph, line_of, planned
+from tensegrity_lab.trials.time_estimate import work_of
+from tests.tensegrity_lab.trials.sessions import add, begun, cyclic, graph, line_of, planned, with_chains
 
 
 class Imagined:
@@ -21,13 +22,14 @@ class Imagined:
 
     Attributes:
         rolls: (source, target, primitive) asked for; primitive is empty on the way to another face. starts: faces started on.
-        bag: lines logged. behave: (number of the roll from 0, source, target) -> Rolled, or raises; default: success.
+        over: faces of the chains asked for. bag: lines logged.
+        behave: (number of the roll from 0, source, target) -> Rolled, or raises; default: success.
     """
 
     def __init__(self, behave=None):
         self.face, self.starts, self.rolls, self.bag, self.problem, self.late = "", [], [], [], "", False
         self._behave = behave
-        self.rested_s = []
+        self.rested_s, self.over = [], []
         bridge = SimpleNamespace(
             link_ok=True, duty_left_s=120.0, battery_v=math.nan, bag="b", bag_messages=1, state="ARMED", reason=""
         )
@@ -68,11 +70,13 @@ class Imagined:
         was, self.late = self.late, False
         return was
 
-    def roll(self, source, target, primitive, tell, watch):
+    def roll(self, source, target, primitive, tell, watch, faces=()):
         assert source == self.face, "a roll begins where the robot is"
         watch()
         number = len(self.rolls)
         self.rolls.append((source, target, primitive))
+        if faces:
+            self.over.append("-".join((source, *faces)))
         rolled = self._behave and self._behave(self, number, source, target)
         rolled = rolled or Rolled(True, True, "", target, (source, target), 7.0, "")
         self.face = rolled.observed_face
@@ -192,6 +196,61 @@ def test_it_rests_until_the_duty_permits_a_whole_trial(session):
     plan = planned("1", "reference")
     session(plan, lab).run()
     assert lab.rested_s == [pytest.approx(2 * max(map(abs, plan[0].policy_mm)) / 15)]
+
+
+def chained(rolls, where, success=False, completed=True, early=False):
+    """How a chain ended."""
+    return Rolled(success, completed, "" if success else "why", where, ("TC6",), 7.0, "", rolls, early)
+
+
+@pytest.mark.parametrize(
+    ("ends", "outcomes", "rolls"),
+    [
+        ([chained(4, "TC4", success=True)], ["success"], [4]),
+        ([chained(2, "TO10")], ["failure"], [2]),
+        ([chained(4, "TO12")], ["failure"], [4]),  # it made all rolls and did not stay
+        ([chained(2, "TC6", early=True), chained(4, "TC4", success=True)], ["void", "success"], [2, 4]),
+        ([chained(1, "TC6", completed=False), chained(4, "TC4", success=True)], ["void", "success"], [1, 4]),
+    ],
+)
+def test_a_chain_is_one_trial_made_whole_missed_or_void_with_the_rolls_it_made(session, ends, outcomes, rolls):
+    plan = with_chains("TC6-TO5-TC3-TO4-TC4")
+    lab = Imagined(lambda lab, number, source, target: ends[number])
+    standing = session(plan, lab).run()
+    assert set(lab.over) == {plan[0].chain}
+    assert lab.rolls[0] == ("TC6", "TC4", "C1")
+    lines = list(standing.trials.values())
+    assert [line.outcome for line in lines] == outcomes
+    assert [line.rolls for line in lines] == rolls
+    assert [line.reason for line in lines] == ["" if outcome == "success" else "why" for outcome in outcomes]
+    assert [(line.chain, line.target) for line in lab.bag] == [(plan[0].chain, "TC4")] * len(lines)
+
+
+def test_it_rests_until_duty_permits_a_whole_chain_and_says_how_far_it_is(session, capsys):
+    plan = with_chains("TC6-TO5-TC3-TO4-TC4")
+    lab = Imagined(lambda lab, number, source, target: chained(3, "TO4"))
+    lab.operator.bridge.duty_left_s = 20.0
+    session(plan, lab).run()
+    assert lab.rested_s == [pytest.approx(work_of(plan[0], cyclic(), 0.015).needs_s)]
+    assert "trial 1: C1 TC6→TO5→TC3→TO4→TC4 failure, 3 of 4 rolls: why" in capsys.readouterr().out
+
+
+def test_the_panel_tells_the_faces_of_a_chain_and_the_rolls_made(session):
+    plan, told = with_chains("TC6-TO5-TC3-TO4-TC4"), []
+    lab = Imagined(lambda lab, number, source, target: chained(4, "TC4", success=True))
+    one = session(plan, lab)
+    roll = lab.roll
+
+    def telling(source, target, primitive, tell, watch, faces):
+        tell(SimpleNamespace(phase="rolling on", next_face="TO4", rolls=2, progress=0.4))
+        told.append(one._panel.shown)
+        return roll(source, target, primitive, tell, watch, faces)
+
+    lab.roll = telling
+    one.run()
+    (shown,) = told
+    assert (shown.source, shown.target, shown.primitive) == ("TC6", "TC4", "C1, 4 rolls: TO5 TC3 TO4 TC4")
+    assert shown.phase == "rolling on to TO4, 2 rolls made, 40 %"
 
 
 class Pressed:

@@ -238,6 +238,16 @@ def test_bad_input_gets_one_line_that_says_what_is_valid(words, complaint, tmp_p
     assert not (tmp_path / "s").exists(), "nothing is made before the plan is valid"
 
 
+@pytest.mark.parametrize("words", [("--port", "/dev/none"), ("--virtual", "--by-hand"), ("--port", "/dev/none", "--plan")])
+def test_chains_that_nobody_observes_are_refused_before_anything_starts(words, tmp_path):
+    cycles = ("--library", "continuous", "--primitives", "C1", "--gaits", "TC6-TO5-TC3")
+    result = sixstrut("trial", str(tmp_path / "s"), *cycles, *words)
+    assert result.returncode == 1
+    assert "chains are judged by an observer" in result.stderr
+    assert len(result.stderr.strip().splitlines()) == 1
+    assert not (tmp_path / "s").exists()
+
+
 def test_a_folder_of_something_else_is_left_as_it_is(tmp_path):
     (tmp_path / "letter.txt").write_text("dear")
     assert "holds letter.txt and no session" in sixstrut("trial", str(tmp_path), "--virtual").stderr
@@ -254,6 +264,33 @@ def test_a_session_that_runs_is_not_run_twice(tmp_path):
         result = sixstrut("trial", str(tmp_path / "s"), "--virtual")
     assert result.returncode == 1
     assert f"is being run by process {os.getpid()}" in result.stderr
+
+
+@pytest.mark.slow
+@pytest.mark.ros
+@pytest.mark.timeout(600)
+def test_a_virtual_session_counts_chains_as_trials_with_the_rolls_they_made(tmp_path):
+    folder = tmp_path / "s"
+    chains = ["TC6-TO5-TC3-TO4-TC4", "TC6-TO5-TC3-TO10-TC1"]
+    words = ("--library", "continuous", "--primitives", "C1", "--gaits", ",".join(chains), "--order-seed", "1")
+    printed = finished(
+        begin(folder, *words, "--virtual", "--perturbation", "0.02", "--actuators", "ideal", "--time-scale", "8"), 400
+    )
+    assert "2 of 2 virtual trials are done" in printed, printed
+    assert "2 chains, 1 of each" in printed
+    assert "at 2 times real time" in printed, "an observer's word is late, faster than that"
+    valid = Ledger(folder).standing().valid
+    assert sorted(line.chain for line in valid) == sorted(chains)
+    for line in valid:
+        assert line.outcome is Outcome.SUCCESS, f"{line.reason}\n{printed}"
+        assert (line.rolls, line.observed_face, "-".join(line.faces)) == (4, line.target, line.chain)
+    in_bags = [(line.chain, line.rolls) for bag in bags_of(folder) for line in lines_in_bag(bag)]
+    assert sorted(in_bags) == sorted((line.chain, line.rolls) for line in valid)
+    replayed = sixstrut("replay", str(folder / "bags" / valid[0].bag), "--trial", str(valid[0].number), "--json")
+    (told,) = json.loads(replayed.stdout)["trials"]
+    assert (told["chain"], told["twin_faces"][0]) == (valid[0].chain, "TC6")
+    odds = sixstrut("odds", str(folder))
+    assert "left out: 2 chain(s)" in odds.stderr
 
 
 @pytest.mark.slow

@@ -40,6 +40,11 @@ class Foretold(NamedTuple):
     won: bool
     ended: str | None
 
+    @property
+    def is_chain(self) -> bool:
+        """A chain goes from TC to TC: what is seen after its first motion does not tell how it ended."""
+        return self.source[:2] == self.target[:2]
+
 
 def bags_of(paths: Sequence[Path]) -> list[Path]:
     """The bags among, and below, what was given. Raises BagError: there is none."""

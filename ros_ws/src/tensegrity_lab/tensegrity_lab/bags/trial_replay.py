@@ -14,6 +14,7 @@ from sim_core.dynamics.actuators import ActuatorParameters, following
 from sim_core.dynamics.model import Model, build_model
 from sim_core.errors import SimError
 from sim_core.files.yaml_reader import parse_yaml
+from sim_core.gaits.cycle import Chain
 from sim_core.gaits.library import Gait, Library, gait_of, parse_library
 from sim_core.structure.parameters import with_value
 from sim_core.twin.follower import Follower
@@ -21,6 +22,7 @@ from tensegrity_lab.bags.replay import observed_path, possible, prototype_of, se
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.bag_messages import lines_in_bag
 from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_ns
+from tensegrity_lab.session_data.plan import chain_in
 
 PARTED_M = 0.02
 """Twin and record have parted when their joints are farther apart than this on average; a tip moves joints by ten times as much."""
@@ -53,7 +55,10 @@ class Course:
 
     @property
     def succeeds(self) -> bool:
-        """Whether the twin's roll is a success, by the rule of trials."""
+        """Whether the twin's roll is a success, by the rule of trials; a chain came onto all its faces in their order."""
+        if self.line.chain:
+            faces = iter(self.faces)
+            return all(face in faces for face in self.line.chain.split("-")) and self.returned == self.line.target
         return self.actuated == self.returned == self.line.target
 
     @property
@@ -117,8 +122,10 @@ def library_of(session: Session) -> Library:
     return parse_library(parse_yaml(data, where), where)
 
 
-def gait_in(library: Library, line: Line) -> Gait:
-    """The gait of a trial. Raises LibraryError."""
+def gait_in(library: Library, line: Line) -> Gait | Chain:
+    """The gait or chain of a trial. Raises SimError."""
+    if line.chain:
+        return chain_in(library, line)
     return gait_of(library.primitive(line.primitive), line.source, line.target)
 
 
@@ -219,7 +226,7 @@ def course_text(course: Course) -> str:
     ends = f"after actuation on {course.actuated or 'no face'}, after the return on {course.returned or 'no face'}"
     why = f": {line.reason}" if line.reason else ""
     lines = [
-        f"trial {line.number}: {line.primitive} {line.source}→{line.target}, {line.outcome}{why}",
+        f"trial {line.number}: {line.name}, {line.ended}{why}",
         f"  record {' → '.join(line.faces)}; twin {' → '.join(course.faces)}: {ends}",
         f"  the twin {'succeeds' if course.succeeds else 'fails'}, {verdict}",
     ]

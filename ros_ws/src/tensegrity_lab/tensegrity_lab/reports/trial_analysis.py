@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -71,13 +72,22 @@ def read_told(path: Path) -> Told:
     return Told(path, folder, ended, standing.valid, len(standing.trials) - len(standing.valid), standing.revoked)
 
 
+class ChainRates(NamedTuple):
+    """Of a cycle: chains that were made and ended as they should; rolls that came onto their face, of those begun."""
+
+    cycle: str
+    whole: Rate
+    rolls: Rate
+
+
 class Group:
     """Sessions that are reported together.
 
     Attributes:
         letter: "a", or "b" for what the others are set against.
         sessions: in the order given.
-        lines: all their valid trials.
+        lines: all their valid trials of one roll.
+        chains: all their valid chains, which count nowhere else.
         names: of the primitives, in the libraries' order.
         virtual: whether these are virtual trials.
         label, title: for people, without and with the letter.
@@ -90,17 +100,19 @@ class Group:
         names = [whole_bag(told.path.resolve()) for told in self.sessions]
         if len(set(names)) < len(names):
             raise SessionError(f"a session is given twice: {', '.join(map(str, paths))}")
-        self.lines = [line for told in self.sessions for line in told.valid]
-        if not self.lines:
+        valid = [line for told in self.sessions for line in told.valid]
+        self.lines = [line for line in valid if not line.chain]
+        self.chains = [line for line in valid if line.chain]
+        if not valid:
             raise SessionError(
                 f"no trial of {', '.join(map(str, paths))} has an outcome yet: run `./sixstrut trial {paths[0]}` first; void and "
                 "revoked trials do not count"
             )
-        kinds = {line.virtual_robot for line in self.lines}
+        kinds = {line.virtual_robot for line in valid}
         if len(kinds) > 1:
             raise SessionError("virtual trials and trials on a real robot do not belong together: report them apart, or --against")
         self.virtual = kinds.pop()
-        libraries = {line.library_hash: line.library for line in self.lines}
+        libraries = {line.library_hash: line.library for line in valid}
         self._several = len(libraries) > 1
         self.label = f"{' + '.join(dict.fromkeys(libraries.values()))}{', virtual' if self.virtual else ''}"
         self.title = f"({letter}) {self.label}"
@@ -117,7 +129,7 @@ class Group:
         return f"{library} {library_hash[:4]} {primitive}" if self._several else primitive
 
     def name_of(self, line: Line) -> str:
-        """The primitive of a trial, as the report names it."""
+        """The primitive or cycle of a trial, as the report names it."""
         return self._name(line.library, line.library_hash, line.primitive)
 
     @cached_property
@@ -160,7 +172,18 @@ class Group:
     @cached_property
     def robots(self) -> list[str]:
         """The prototypes."""
-        return list(dict.fromkeys(line.robot for line in self.lines))
+        return list(dict.fromkeys(line.robot for line in (*self.lines, *self.chains)))
+
+    @cached_property
+    def chain_rates(self) -> list[ChainRates]:
+        """Of each cycle."""
+        rates = []
+        for name in dict.fromkeys(map(self.name_of, self.chains)):
+            own = [line for line in self.chains if self.name_of(line) == name]
+            made, begun = sum(line.rolls for line in own), sum(min(line.rolls + 1, line.wanted) for line in own)
+            whole = rate_of(sum(line.outcome is Outcome.SUCCESS for line in own), len(own))
+            rates.append(ChainRates(name, whole, rate_of(made, begun)))
+        return rates
 
     def by_prototype(self, primitive: str | None = None) -> Interval | None:
         """Interval of the success rate of a primitive, or of all trials, bootstrapped by prototype; None: there is only one."""

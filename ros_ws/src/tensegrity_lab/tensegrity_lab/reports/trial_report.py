@@ -28,6 +28,12 @@ EXCHANGEABLE = (
 )
 
 
+CHAINS = (
+    "A chain is one trial: made if it came onto all its faces and rests on the last one. Intervals: 95 %, Clopper–Pearson. Rolls "
+    "of one chain are not independent, so their interval is somewhat too narrow. Nothing else on this page counts chains."
+)
+
+
 class Test(NamedTuple):
     """One test. `group`: whose, "a", "b" or both. `statistic`, `p`: NaN: they cannot be computed, and `more` says why."""
 
@@ -49,42 +55,56 @@ class TrialReport:
     def __init__(self, sessions: Sequence[Path], against: Sequence[Path], command: str):
         """Read the sessions. `command`: that makes the report, for people. Raises SessionError, see `Group`."""
         self.groups = [Group(sessions), *([Group(against, "b")] if against else [])]
-        self.test = mann_whitney(self.groups[0].values, self.groups[1].values) if against else None
+        self._rolled = [group for group in self.groups if group.lines]
+        self.test = mann_whitney(*(group.values for group in self._rolled)) if len(self._rolled) == 2 else None
         self._command = command
 
     def write(self, folder: Path) -> Path:
         """Write tables, pictures and the page, which it returns. Raises OSError."""
         folder.mkdir(parents=True, exist_ok=True)
-        write_table(folder / "primitives.csv", self._primitives())
-        write_table(folder / "gaits.csv", self._gaits())
-        tests = [*self._comparisons(), *self._symmetry()]
-        write_table(folder / "tests.csv", (test._asdict() for test in tests if not math.isnan(test.statistic)))
         write_table(folder / "trials.csv", self._trials())
-        figure_8(self.groups, folder / "figure8.png")
-        for group in self.groups:
-            gaits_picture(group, folder / f"gaits_{group.letter}.png")
-        predicted = [(group.label, group.calibration) for group in self.groups if group.calibration is not None]
-        if predicted:
-            calibration_picture(predicted, folder / "odds.png")
+        if any(group.chains for group in self.groups):
+            write_table(folder / "chains.csv", self._chains())
+        if self._rolled:
+            self._write_rolls(folder)
         title = "Trials: " + " against ".join(group.label for group in self.groups)
         target = folder / "report.html"
         target.write_text(html.page(title, self._parts(folder)), encoding="utf-8")
         return target
 
+    def _write_rolls(self, folder: Path) -> None:
+        """What is known of single rolls."""
+        write_table(folder / "primitives.csv", self._primitives())
+        write_table(folder / "gaits.csv", self._gaits())
+        tests = [*self._comparisons(), *self._symmetry()]
+        write_table(folder / "tests.csv", (test._asdict() for test in tests if not math.isnan(test.statistic)))
+        figure_8(self._rolled, folder / "figure8.png")
+        for group in self._rolled:
+            gaits_picture(group, folder / f"gaits_{group.letter}.png")
+        predicted = [(group.label, group.calibration) for group in self._rolled if group.calibration is not None]
+        if predicted:
+            calibration_picture(predicted, folder / "odds.png")
+
     # ---- tables -----------------------------------------------------------------------------------------------------
 
     def _primitives(self) -> Iterator[dict[str, Any]]:
-        for group in self.groups:
+        for group in self._rolled:
             for name, rate in zip(group.names, group.rates, strict=True):
                 low, high = group.by_prototype(name) or ("", "")
                 row = {"group": group.letter, "primitive": name, **rate_document(rate), "prototypes": len(group.robots)}
                 yield row | {"bootstrap_low": low, "bootstrap_high": high}
 
     def _gaits(self) -> Iterator[dict[str, Any]]:
-        for group in self.groups:
+        for group in self._rolled:
             for (source, target), rate in zip(group.pairs, group.pair_rates(), strict=True):
                 kind = "proper" if carrier(source, target).proper else "improper"
                 yield {"group": group.letter, "source": source, "target": target, "kind": kind, **rate_document(rate)}
+
+    def _chains(self) -> Iterator[dict[str, Any]]:
+        for group in self.groups:
+            for cycle, *rates in group.chain_rates:
+                for what, rate in zip(("chains", "rolls"), rates, strict=True):
+                    yield {"group": group.letter, "cycle": cycle, "of": what, **rate_document(rate)}
 
     def _trials(self) -> Iterator[dict[str, Any]]:
         for group in self.groups:
@@ -105,7 +125,7 @@ class TrialReport:
                 f"halved; n = {test.n_a}, {test.n_b}; permutation p {test.permutation_p:.4g} ({RESAMPLES} of seed {SEED})"
             )
             yield Test("a, b", name, test.u, test.p, more)
-        for group in self.groups:
+        for group in self._rolled:
             more = f"normal? mean and variance are the sample's own; p by Monte Carlo, {RESAMPLES} samples, seed {SEED}"
             if group.normality is None:
                 more = "fewer than four primitives, or all rates equal: not computable"
@@ -113,7 +133,7 @@ class TrialReport:
 
     def _symmetry(self) -> Iterator[Test]:
         """What does not differ on a symmetric robot."""
-        for group in self.groups:
+        for group in self._rolled:
             mirror, effect = group.mirror, group.gait_effect
             (proper, improper), (proper_n, improper_n) = mirror.wins, mirror.trials
             more = f"proper {proper} of {proper_n}, improper {improper} of {improper_n}; within primitives"
@@ -135,37 +155,46 @@ class TrialReport:
             [_session_row(group.letter, told) for group in self.groups for told in group.sessions],
         )
         yield html.paragraph(f"Made by: {self._command}", "note")
-        yield html.heading("Success rates: the paper's Figure 8")
-        yield html.picture(folder / "figure8.png", "success rates of primitives, and their distributions")
-        rows: list[Sequence[object]] = [(group.title, *group.counts, spread(group.overall)) for group in self.groups]
-        rows += [(name, *counts, "") for name, counts in PAPER.items()]
-        yield html.table(("", "at 100 %", "above 80 %", "at or above 50 %", "primitives", "all trials"), rows)
-        yield html.paragraph(f"Intervals: 95 %, Clopper–Pearson. {EXCHANGEABLE}", "note")
-        for group in self.groups:
-            yield html.paragraph(f"({group.letter}) {_prototypes_text(group)}")
-        yield html.heading("Tests")
-        yield _test_table("", self._comparisons())
-        yield html.heading("Is the robot's symmetry broken?")
-        for group in self.groups:
-            yield html.picture(folder / f"gaits_{group.letter}.png", f"every gait of {group.label}")
-        yield _test_table("on a symmetric robot these do not differ", self._symmetry())
-        yield html.heading("Prediction and outcome")
-        yield self._agreement()
-        if any(group.calibration is not None for group in self.groups):
-            yield html.picture(folder / "odds.png", "predicted probability against the share of successes")
-        yield html.heading("Primitives")
-        for group in self.groups:
-            shares = [(name, spread(rate)) for name, rate in zip(group.names, group.rates, strict=True)]
-            table = html.table(("primitive", "successes, rate and 95 % interval"), shares)
-            yield html.folded(f"{group.title}: {len(shares)} primitives", table)
+        if any(group.chains for group in self.groups):
+            yield html.heading("Chains")
+            rows = [(group.title, c.cycle, spread(c.whole), spread(c.rolls)) for group in self.groups for c in group.chain_rates]
+            yield html.table(("", "cycle", "chains made", "rolls made, of those begun"), rows)
+            yield html.paragraph(CHAINS, "note")
+        if self._rolled:
+            yield from self._roll_parts(folder)
         yield html.heading("Trials, each with the command that replays it")
         for group in self.groups:
             for told in group.sessions:
                 yield html.folded(f"({group.letter}) {told.path.name}: {len(told.lines)} trials", _trial_table(told))
 
+    def _roll_parts(self, folder: Path) -> Iterator[str]:
+        yield html.heading("Success rates: the paper's Figure 8")
+        yield html.picture(folder / "figure8.png", "success rates of primitives, and their distributions")
+        rows: list[Sequence[object]] = [(group.title, *group.counts, spread(group.overall)) for group in self._rolled]
+        rows += [(name, *counts, "") for name, counts in PAPER.items()]
+        yield html.table(("", "at 100 %", "above 80 %", "at or above 50 %", "primitives", "all trials"), rows)
+        yield html.paragraph(f"Intervals: 95 %, Clopper–Pearson. {EXCHANGEABLE}", "note")
+        for group in self._rolled:
+            yield html.paragraph(f"({group.letter}) {_prototypes_text(group)}")
+        yield html.heading("Tests")
+        yield _test_table("", self._comparisons())
+        yield html.heading("Is the robot's symmetry broken?")
+        for group in self._rolled:
+            yield html.picture(folder / f"gaits_{group.letter}.png", f"every gait of {group.label}")
+        yield _test_table("on a symmetric robot these do not differ", self._symmetry())
+        yield html.heading("Prediction and outcome")
+        yield self._agreement()
+        if any(group.calibration is not None for group in self._rolled):
+            yield html.picture(folder / "odds.png", "predicted probability against the share of successes")
+        yield html.heading("Primitives")
+        for group in self._rolled:
+            shares = [(name, spread(rate)) for name, rate in zip(group.names, group.rates, strict=True)]
+            table = html.table(("primitive", "successes, rate and 95 % interval"), shares)
+            yield html.folded(f"{group.title}: {len(shares)} primitives", table)
+
     def _agreement(self) -> str:
         rows: list[Sequence[object]] = []
-        for group in self.groups:
+        for group in self._rolled:
             told, found, score = group.agreement, group.calibration, ""
             if found is not None:
                 score = f"{100 * found.expected:.1f} % expected, {100 * found.observed:.1f} % came; {found.brier:.4f}"
@@ -224,9 +253,9 @@ def _trial_table(told: Told) -> str:
     rows = [
         (
             line.number,
-            f"{line.primitive} {line.source} → {line.target}{'' if line.proper else ' m'}",
+            f"{line.name.replace('→', ' → ')}{'' if line.proper else ' m'}",
             "" if math.isnan(line.odds) else f"{100 * line.odds:.0f} %",
-            f"{line.outcome}{', revoked' if line.number in told.revoked else ''}",
+            f"{line.ended}{', revoked' if line.number in told.revoked else ''}",
             " → ".join(line.faces),
             line.reason,
             replay_command(told, line),
@@ -240,8 +269,10 @@ def summary_of(report: TrialReport) -> str:
     """The report's key numbers for a terminal."""
     lines = []
     for group in report.groups:
-        lines.append(f"{group.title}: {group.counts.text}")
-        lines.append(f"    all trials: {spread(group.overall)}; {len(group.robots)} prototype(s)")
+        lines.append(f"{group.title}: {group.counts.text if group.lines else 'chains alone'}")
+        if group.lines:
+            lines.append(f"    all trials: {spread(group.overall)}; {len(group.robots)} prototype(s)")
+        lines += [f"    chains by {c.cycle}: {spread(c.whole)}; rolls {spread(c.rolls)}" for c in group.chain_rates]
     if report.test is not None:
         lines.append(f"Mann–Whitney U = {report.test.u:g}, p = {p_text(report.test.p)}, effect A = {report.test.effect:.3f}")
     if any(group.virtual for group in report.groups):

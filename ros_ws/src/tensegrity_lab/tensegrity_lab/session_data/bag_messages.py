@@ -7,11 +7,13 @@ from typing import Any
 
 from hardware_bridge.errors import BagError
 from hardware_bridge.recording.bag_reader import read_session
+from sim_core.structure.policy import in_stages
 from tensegrity_lab.errors import SessionError
-from tensegrity_lab.session_data.ledger_line import Event, Line, Outcome, utc_ns, utc_text
+from tensegrity_lab.session_data.ledger_line import ADDED, Event, Line, Outcome, utc_ns, utc_text
 
 TOPIC = "bridge/trial"
 _SAME = [f.name for f in fields(Line) if f.name not in ("recorded", "began")]
+_BEFORE = [name for name in _SAME if name not in ADDED]
 
 
 def message_of(line: Line) -> Any:
@@ -20,7 +22,9 @@ def message_of(line: Line) -> Any:
 
     from tensegrity_interfaces.msg import TrialRecord
 
-    message = TrialRecord(**{name: _plain(getattr(line, name)) for name in _SAME})
+    *via, last = in_stages(line.policy_mm)
+    plain = {name: _plain(getattr(line, name)) for name in _SAME}
+    message = TrialRecord(**plain | {"policy_mm": list(last), "via_mm": list(via[0]) if via else [0] * 6})
     for stamp, text in ((message.header.stamp, line.recorded), (message.began, line.began)):
         time_ns = utc_ns(text) if text else 0
         assert isinstance(stamp, Time)
@@ -34,9 +38,12 @@ def _plain(value: Any) -> Any:
 
 def line_of_message(message: Any) -> Line:
     """The line of a TrialRecord, decoded by anybody."""
-    values = {name: getattr(message, name) for name in _SAME}
+    values = {name: getattr(message, name) for name in _BEFORE}
+    values |= {"chain": str(getattr(message, "chain", "")), "rolls": int(getattr(message, "rolls", 0))}  # not in bags of before
     values |= {"event": Event(message.event), "outcome": Outcome(message.outcome)}
-    values |= {"policy_mm": tuple(int(v) for v in message.policy_mm), "faces": tuple(str(v) for v in message.faces)}
+    via = [int(v) for v in getattr(message, "via_mm", ())]
+    policy = (*(via if any(via) else ()), *(int(v) for v in message.policy_mm))
+    values |= {"policy_mm": policy, "faces": tuple(str(v) for v in message.faces)}
     return Line(**values, recorded=_text(message.header.stamp), began=_text(message.began))
 
 
@@ -49,5 +56,5 @@ def lines_in_bag(path: Path) -> list[Line]:
     """Trials in a bag, in order. Raises SessionError: it cannot be read."""
     try:
         return [line_of_message(message) for message in read_session(path, topics=[TOPIC]).of(TOPIC)]
-    except (BagError, ValueError, OverflowError) as error:
+    except (BagError, TypeError, ValueError, OverflowError) as error:
         raise SessionError(f"cannot read the trials in bag {path}: {error}") from error

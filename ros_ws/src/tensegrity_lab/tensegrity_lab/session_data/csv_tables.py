@@ -10,6 +10,7 @@ import math
 import re
 from collections.abc import Iterable, Mapping
 from functools import cache
+from inspect import Parameter, signature
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
@@ -24,6 +25,7 @@ _FORMULA = re.compile(r"'*[=+\-@\t\r]")
 _MARKED = re.compile(r"'+[=+\-@\t\r]")
 Record = TypeVar("Record")
 _types: Any = cache(get_type_hints)
+_parameters: Any = cache(lambda kind: signature(kind).parameters)
 
 
 def cells_of(record: object) -> dict[str, str]:
@@ -49,9 +51,15 @@ def write_table(path: Path, rows: Iterable[Mapping[str, object]]) -> Path:
 
 
 def record_of(kind: type[Record], cells: Mapping[str, str]) -> Record:
-    """The dataclass or named tuple that `csv_row` wrote. Raises SessionError: a cell is missing or makes no sense."""
+    """The dataclass or named tuple that `csv_row` wrote; what tables of before did not have is left at its default.
+
+    Raises:
+        SessionError: a cell is missing or makes no sense.
+    """
     values = {}
     for name, wanted in _types(kind).items():
+        if name not in cells and _parameters(kind)[name].default is not Parameter.empty:
+            continue
         try:
             values[name] = _parsed(wanted, _unmarked(cells[name]))
         except (KeyError, TypeError, ValueError) as error:

@@ -10,11 +10,12 @@ from sim_core.errors import FileError
 from sim_core.files.bounded_reader import read_bytes
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.csv_tables import csv_row
-from tensegrity_lab.session_data.ledger_line import COLUMNS, Event, Line, Outcome, line_of, text_of
+from tensegrity_lab.session_data.ledger_line import ADDED, COLUMNS, Event, Line, Outcome, line_of, text_of
 from tensegrity_lab.terminal.leaving import uninterrupted
 
 LEDGER, NEW = "ledger.csv", ".new"
 HEADER = csv_row(COLUMNS)
+_HEADERS = HEADER, csv_row(name for name in COLUMNS if name not in ADDED)
 MOST_BYTES = 512_000_000
 """A million trials have half of it."""
 
@@ -46,7 +47,7 @@ class Standing:
         return sum(line.outcome is Outcome.SUCCESS for line in self.valid)
 
     def done(self) -> set[tuple[str, str, str, int]]:
-        """Gaits (primitive, source, target, repetition) that need no trial any more."""
+        """Gaits and chains (see `Line.gait`) that need no trial any more."""
         return {line.gait for line in self.valid}
 
 
@@ -89,7 +90,7 @@ def read_lines(path: Path) -> tuple[list[Line], int]:
         raise SessionError(str(error)) from error
     except OSError as error:
         raise SessionError(f"cannot read the ledger {path}: {error.strerror}; give the folder of a session") from error
-    if head != HEADER:
+    if head not in _HEADERS:
         raise SessionError(f"{path} is not a ledger of this version: its first line is {head[:60]!r}, not {HEADER[:60]!r}…")
     lines, damaged = [], 0
     for text in rest:
@@ -117,6 +118,8 @@ class Ledger:
         if not self.path.exists():
             write_durably(self.path, HEADER + "\n")
         self.lines, self.damaged = read_lines(self.path)
+        with self.path.open(encoding="utf-8") as file:
+            self._columns = file.readline().rstrip("\n").split(",")
 
     def standing(self) -> Standing:
         """What it says. Raises SessionError: it contradicts itself."""
@@ -132,7 +135,7 @@ class Ledger:
             at = file.seek(0, os.SEEK_END)
             file.seek(at - 1)
             closing = b"" if file.read(1) == b"\n" else b"\n"
-            file.write(closing + "".join(text_of(line) + "\n" for line in lines).encode())
+            file.write(closing + "".join(text_of(line, self._columns) + "\n" for line in lines).encode())
             file.flush()
             os.fsync(file.fileno())
             self.lines += lines

@@ -4,6 +4,7 @@
 import csv
 import math
 import zlib
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from datetime import UTC, datetime
 from enum import StrEnum
@@ -40,7 +41,8 @@ class Line:
         recorded, began: when the line was written, and when the roll was asked for: UTC, ISO 8601, microseconds.
         session, experimenter, robot: who.
         virtual_robot: a virtual trial.
-        library, library_hash, primitive, roll_class, source, target, repeat, proper, policy_mm: what.
+        library, library_hash, primitive, roll_class, source, target, repeat, proper, policy_mm: what; of a chain cycle, first face,
+            last face, and of its first roll class, `proper` and strokes.
         odds: predicted probability of success; NaN: nobody knows.
         predicted: the nominal model says that it is feasible.
         outcome, reason, observed_face, faces: how it ended; faces in order, the source first.
@@ -49,6 +51,8 @@ class Line:
         battery_v: servo supply (V); NaN: the board does not tell.
         faults: what the bridge complained of.
         bag, bag_offset_s: its name, and where in it the roll begins (s after its first message).
+        chain: its faces, such as TC6-TO5-TC3; empty: it is one roll.
+        rolls: how many came onto their face.
     """
 
     event: Event
@@ -80,15 +84,39 @@ class Line:
     faults: str = ""
     bag: str = ""
     bag_offset_s: float = math.nan
+    chain: str = ""
+    rolls: int = 0
 
     @property
     def gait(self) -> tuple[str, str, str, int]:
-        """What was tried: primitive, source, target, repetition."""
-        return self.primitive, self.source, self.target, self.repeat
+        """What was tried: primitive, source, target or chain, repetition."""
+        return self.primitive, self.source, self.chain or self.target, self.repeat
+
+    @property
+    def name(self) -> str:
+        """For people: primitive and faces."""
+        return gait_name(self.primitive, self.source, self.target, self.chain)
+
+    @property
+    def wanted(self) -> int:
+        """How many rolls it asks for."""
+        return self.chain.count("-") or 1
+
+    @property
+    def ended(self) -> str:
+        """Outcome for people; of a chain with the rolls it made."""
+        return f"{self.outcome}, {self.rolls} of {self.wanted} rolls" if self.chain else str(self.outcome)
 
 
 COLUMNS = (*(field.name for field in fields(Line)), "check")
 """Of the ledger and of the report's tables; `check` is the CRC-32 of the line before it."""
+ADDED = ("chain", "rolls")
+"""Ledgers of before do not have these columns."""
+
+
+def gait_name(primitive: str, source: str, target: str, chain: str = "") -> str:
+    """A gait or a chain for people, such as "P1 TC6→TO5"."""
+    return f"{primitive} {(chain or f'{source}-{target}').replace('-', '→')}"
 
 
 def utc_text(time_ns: int) -> str:
@@ -102,9 +130,9 @@ def utc_ns(text: str) -> int:
     return round(whole.timestamp() * 1e6) * 1000
 
 
-def text_of(line: Line) -> str:
-    """The line with its check, without its end."""
-    body = csv_row(getattr(line, name) for name in COLUMNS[:-1])
+def text_of(line: Line, columns: Sequence[str] = COLUMNS) -> str:
+    """The line with its check, without its end. `columns`: of its ledger, `check` the last."""
+    body = csv_row(getattr(line, name) for name in columns[:-1])
     return f"{body},{zlib.crc32(body.encode()):08x}"
 
 

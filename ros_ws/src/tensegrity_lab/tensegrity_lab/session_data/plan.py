@@ -11,30 +11,39 @@ from typing import NamedTuple
 
 from sim_core.dynamics.model import Model
 from sim_core.errors import SimError
-from sim_core.gaits.library import Gait, Library, Primitive, gait_of
+from sim_core.gaits.cycle import TURNS, Chain, Cycle, faces_of, turns_of
+from sim_core.gaits.library import Gait, Library, Primitive, gait_of, wanted_chain
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
-from sim_core.structure.roll_classes import class_of, rolls_of
+from sim_core.rolling.batch import Batch
+from sim_core.rolling.course import Course, stages_of_chain
+from sim_core.structure.roll_classes import CLASSES, TC_TO, class_of, rolls_of
+from sim_core.structure.symmetry import CARRIERS
 from sim_core.structure.topology import require_adjacent
 from sim_core.studies.model_agreement import NamedGait, verdicts
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.csv_tables import csv_row, record_of
+from tensegrity_lab.session_data.ledger_line import Line, gait_name
 
 DIGITS = 6
 """Of odds: a table and a bag hold the same number."""
 GAIT_WORDS = ("all", "proper", "improper", "reference")
+STRAIGHT_TURNS, MOST_ROLLS = 5, 24
+"""Turns of the chains that these words name: twelve rolls, after which a straight one stands on its first face again. And the most
+rolls that the planner makes without a stop."""
 
 
 class Slot(NamedTuple):
-    """One gait that is to be tried once.
+    """One gait or chain that is to be tried once.
 
     Attributes:
-        primitive, roll_class, source, target: which gait.
+        primitive, roll_class, source, target: which gait; of a chain see `Line`.
         repeat: from 1.
         proper: by a rotation.
         policy_mm: strokes of S1..S6 (mm).
         odds: predicted probability of success; NaN: nobody knows.
         predicted: feasible on the nominal model.
+        chain: its faces, such as TC6-TO5-TC3; empty: it is one roll.
     """
 
     primitive: str
@@ -46,36 +55,40 @@ class Slot(NamedTuple):
     policy_mm: tuple[int, ...]
     odds: float
     predicted: bool
+    chain: str = ""
 
     @property
     def gait(self) -> tuple[str, str, str, int]:
         """As a ledger's line names it."""
-        return self.primitive, self.source, self.target, self.repeat
+        return self.primitive, self.source, self.chain or self.target, self.repeat
 
     @property
     def name(self) -> str:
         """For people."""
-        return f"{self.primitive} {self.source}→{self.target}"
+        return gait_name(self.primitive, self.source, self.target, self.chain)
 
 
-def chosen_primitives(library: Library, words: str) -> tuple[Primitive, ...]:
-    """Primitives by number (as listed in the library, from 1), range or name: "1-40", "1,3,7-9", "P5,P12", "all".
+def chosen_primitives(library: Library, words: str) -> tuple[Primitive | Cycle, ...]:
+    """Primitives by number (as listed in the library, from 1), range or name: "1-40", "1,3,7-9", "P5,P12", "all"; cycles by name.
 
     Raises:
         SessionError: none of these; says what is valid.
     """
-    count = len(library.primitives)
-    chosen: dict[str, Primitive] = {}
+    count, every = len(library.primitives), list[Primitive | Cycle]([*library.primitives, *library.cycles])
+    chosen: dict[str, Primitive | Cycle] = {}
     for word in (part.strip() for part in words.split(",")):
         first, dash, last = word.partition("-")
         if word == "all":
-            found: Sequence[Primitive] = library.primitives
+            found: Sequence[Primitive | Cycle] = library.primitives
+        elif word == "cycles":
+            found = library.cycles
         elif first.isdigit() and (not dash or last.isdigit()) and 1 <= int(first) <= int(last or first) <= count:
             found = library.primitives[int(first) - 1 : int(last or first)]
         else:
-            found = [primitive for primitive in library.primitives if primitive.name == word]
+            found = [one for one in every if one.name == word][:1]
         if not found:
-            names = ", ".join(primitive.name for primitive in library.primitives)
+            names = ", ".join(one.name for one in every)
+            names += "; cycles: all its cycles" if library.cycles else ""
             raise SessionError(
                 f"--primitives {words!r}: {word!r} is none of library {library.name}: valid are numbers 1 to {count}, ranges such "
                 f"as 1-{count}, all, and names: {names}"
@@ -84,20 +97,29 @@ def chosen_primitives(library: Library, words: str) -> tuple[Primitive, ...]:
     return tuple(chosen.values())
 
 
-def chosen_gaits(primitives: Iterable[Primitive], words: str) -> list[Gait]:
+def chosen_gaits(chosen: Iterable[Primitive | Cycle], words: str) -> list[Gait | Chain]:
     """Gaits of primitives: all 24 of each, the 12 proper or improper ones, the reference pair's, or pairs: "TC6-TO5,TO5-TC8".
 
+    Of a cycle chains: twelve rolls straight on by either turn, which begin with all 24 (or so) pairs, or "TC6-TO5-TC3,...".
+
     Raises:
-        SessionError: none of these, or a pair that no chosen primitive can roll.
+        SessionError: none of these, or a pair or chain that nothing chosen can roll.
     """
-    primitives = list(primitives)
+    chosen = list(chosen)
+    primitives, cycles = [c for c in chosen if isinstance(c, Primitive)], [c for c in chosen if isinstance(c, Cycle)]
     if words in GAIT_WORDS:
-        every = [gait_of(p, source, target) for p in primitives for source, target in rolls_of(p.roll_class)]
+        every: list[Gait | Chain] = [gait_of(p, *pair) for p in primitives for pair in rolls_of(p.roll_class)]
+        every += [
+            Chain(cycle, faces_of(*pair, [turn] * STRAIGHT_TURNS)) for cycle in cycles for pair in rolls_of(TC_TO) for turn in TURNS
+        ]
         if words == "reference":
-            return [gait for gait in every if (gait.source, gait.target) == tuple(gait.primitive.roll_class)]
-        return [gait for gait in every if words == "all" or gait.proper == (words == "proper")]
-    gaits: list[Gait] = []
+            return [gait for gait in every if _first_roll(gait) in map(tuple, CLASSES.values())]
+        return [gait for gait in every if words == "all" or _is_proper(gait) == (words == "proper")]
+    gaits: list[Gait | Chain] = []
     for word in (part.strip() for part in words.split(",")):
+        if word.count("-") > 1 or not primitives:
+            gaits += _chains(cycles, word, words)
+            continue
         source, _, target = word.partition("-")
         try:
             require_adjacent(source, target)
@@ -112,13 +134,46 @@ def chosen_gaits(primitives: Iterable[Primitive], words: str) -> list[Gait]:
     return list({gait.name: gait for gait in gaits}.values())
 
 
-def planned(gaits: Sequence[Gait], library: Library, nominal: Model, repeats: int, seed: int) -> list[Slot]:
-    """A plan of a library's gaits, each with what the nominal model and the library's counts predict."""
-    listed = [NamedGait(gait.name, gait.source, gait.target, gait.policy) for gait in gaits]
-    return make_plan(gaits, verdicts(nominal, listed), FaceGraph(library, load_success_counts(library)), repeats, seed)
+def _chains(cycles: Sequence[Cycle], word: str, words: str) -> list[Gait | Chain]:
+    """The chain that a word names, by each cycle. Raises SessionError: no cycle goes there."""
+    chains = [Chain(cycle, tuple(word.split("-"))) for cycle in cycles]
+    try:
+        if not chains:
+            raise SessionError(f"{word} is a chain and no cycle is chosen: say --primitives cycles, or the name of one")
+        if len(chains[0].rolls) > MOST_ROLLS:
+            raise SessionError(f"{word} has {len(chains[0].rolls)} rolls; valid are 2 to {MOST_ROLLS}")
+    except (SimError, SessionError) as error:
+        raise SessionError(
+            f"--gaits {words!r}: {error}; valid for cycles are {', '.join(GAIT_WORDS)}, or chains such as TC6-TO5-TC3"
+        ) from error
+    return [*chains]
 
 
-def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph, repeats: int, seed: int) -> list[Slot]:
+def _first_roll(gait: Gait | Chain) -> tuple[str, str]:
+    return (gait.source, gait.faces[1] if isinstance(gait, Chain) else gait.target)
+
+
+def _is_proper(gait: Gait | Chain) -> bool:
+    return CARRIERS[_first_roll(gait)].proper if isinstance(gait, Chain) else gait.proper
+
+
+def chain_in(library: Library, gait: Slot | Line) -> Chain:
+    """The chain of a slot or line. Raises SimError: the library does not have it."""
+    source, *faces = gait.chain.split("-")
+    return wanted_chain(library, source, faces, gait.primitive)
+
+
+def planned(gaits: Sequence[Gait | Chain], library: Library, nominal: Model, repeats: int, seed: int) -> list[Slot]:
+    """A plan of a library's gaits and chains, each with what the nominal model and the library's counts predict."""
+    rolls, chains = [g for g in gaits if isinstance(g, Gait)], [g for g in gaits if isinstance(g, Chain)]
+    predicted = verdicts(nominal, [NamedGait(gait.name, gait.source, gait.target, gait.policy) for gait in rolls]) if rolls else []
+    if chains:
+        courses = [Course(0, chain.source, stages_of_chain(chain.rolls)) for chain in chains]
+        predicted += [result.feasible for result in Batch([nominal]).run(courses)]
+    return make_plan([*rolls, *chains], predicted, FaceGraph(library, load_success_counts(library)), repeats, seed)
+
+
+def make_plan(gaits: Sequence[Gait | Chain], predicted: Sequence[bool], graph: FaceGraph, repeats: int, seed: int) -> list[Slot]:
     """Every gait `repeats` times, in an order that the seed draws.
 
     Args:
@@ -130,12 +185,38 @@ def make_plan(gaits: Sequence[Gait], predicted: Sequence[bool], graph: FaceGraph
     """
     slots = []
     for gait, feasible in zip(gaits, predicted, strict=True):
-        known = graph.believed is not None or "success" in gait.primitive.margins
-        odds = round(graph.probability(gait), DIGITS) if known else math.nan
-        facts = (gait.primitive.name, gait.primitive.roll_class.name, gait.source, gait.target)
-        slots += [Slot(*facts, repeat, gait.proper, gait.policy, odds, feasible) for repeat in range(1, repeats + 1)]
+        if isinstance(gait, Chain):
+            first = Slot(
+                gait.cycle.name,
+                TC_TO.name,
+                gait.source,
+                gait.target,
+                1,
+                _is_proper(gait),
+                gait.rolls[0].policy,
+                round(odds_of(gait), DIGITS),
+                feasible,
+                "-".join(gait.faces),
+            )
+        else:
+            known = graph.believed is not None or "success" in gait.primitive.margins
+            odds = round(graph.probability(gait), DIGITS) if known else math.nan
+            facts = (gait.primitive.name, gait.primitive.roll_class.name, gait.source, gait.target)
+            first = Slot(*facts, 1, gait.proper, gait.policy, odds, feasible)
+        slots += [first._replace(repeat=repeat) for repeat in range(1, repeats + 1)]
     random.Random(seed).shuffle(slots)
     return slots
+
+
+def odds_of(chain: Chain) -> float:
+    """How likely a chain is made and stays, by its turns' switches; NaN: nobody counted one of them."""
+    counted = {turn: switches for turn, switches in chain.cycle.turns.items() if switches.rolls and switches.leaves}
+    turns = turns_of(chain.faces)
+    if not counted or set(turns) - set(counted):
+        return math.nan
+    first = min(counted.values(), key=lambda switches: switches.miss)  # from rest it has not turned yet: as the surer turn
+    taken = [first, *(counted[turn] for turn in turns)]
+    return math.prod((1.0 - switches.miss) ** 2 for switches in taken) * taken[-1].stayed / taken[-1].leaves
 
 
 def due_of(plan: Iterable[Slot], done: Collection[tuple[str, str, str, int]]) -> list[Slot]:
@@ -173,8 +254,10 @@ def way_to_due(due: Sequence[Slot], face: str, graph: FaceGraph) -> tuple[str, .
 
 
 def plan_text(plan: Iterable[Slot]) -> str:
-    """The plan as a CSV table."""
-    return "\n".join([csv_row(Slot._fields), *map(csv_row, plan), ""])
+    """The plan as a CSV table; one without chains as it ever was, with the same hash."""
+    plan = list(plan)
+    columns = slice(None if any(slot.chain for slot in plan) else Slot._fields.index("chain"))
+    return "\n".join([csv_row(row[columns]) for row in [tuple(Slot._fields), *map(tuple, plan)]] + [""])
 
 
 def plan_of(text: str, where: str) -> list[Slot]:

@@ -249,18 +249,20 @@ class StackClient:
         tell: Callable[[Any], None] = lambda feedback: None,
         limit_s: float = 60.0,
         watch: Callable[[], None] = lambda: None,
+        faces: Sequence[str] = (),
     ) -> Any:
         """Roll onto a face; the action's result. KeyboardInterrupt cancels it, which holds the struts, and goes on.
 
         Args:
             target: the face to roll onto.
             source: where it stands; empty: as known.
-            primitive: name of one; empty: the planner's choice.
+            primitive: name of one, or of a cycle; empty: the planner's choice.
             tell: told the feedback.
             limit_s: of the whole roll.
             watch: called all the while; may raise KeyboardInterrupt.
+            faces: roll on over them; `target` is the last.
         """
-        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive)
+        goal = Roll.Goal(target_face=target, source_face=source, primitive=primitive, faces=list(faces))
         return self._whole(self.send(self._roll, goal, "roll", tell), "roll", limit_s, watch)
 
     def travel(

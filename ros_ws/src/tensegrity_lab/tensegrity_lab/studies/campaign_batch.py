@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from sim_core.dynamics.model import Model
+from sim_core.gaits.cycle import Chain
 from sim_core.gaits.library import Library
 from sim_core.rolling.batch import Batch, Job
 from sim_core.rolling.roll import RollResult
@@ -51,6 +52,10 @@ def session_of(
         SessionError: no such gaits, or the folder holds something else. ParameterError, OSError.
     """
     chosen = chosen_gaits(chosen_primitives(library, primitives), gaits)
+    if any(isinstance(gait, Chain) for gait in chosen):
+        raise SessionError(
+            f"--primitives {primitives!r}: a campaign takes primitives; `trial` and `robustness --cycles` take cycles"
+        )
     plan = planned(chosen, library, nominal, 1, seed)
     settings = Settings(
         name=path.resolve().name,
@@ -91,6 +96,7 @@ def _lines(folder: SessionFolder, number: int, slot: Slot, result: RollResult) -
         observed_face=stands.face or "",
         faces=result.faces,
         robot_s=round(result.duration_s, DIGITS),
+        rolls=int(result.actuated.face == slot.target),
     )
     return begun, ended
 

@@ -112,6 +112,8 @@ def text_of(tries: Tries, found: Fit | None) -> str:
     kind = "virtual trials" if tries.virtual else "trials"
     won = sum(one.won for one in tries.seen)
     lines = [f"{len(tries.seen)} {kind} of {tries.robot} ({', '.join(tries.sources)}): {won} succeeded"]
+    if tries.chains:
+        lines.append(f"{tries.chains} chain(s) are left out: a fit takes single rolls")
     if found is not None:
         lines += ["", f"{'':<22} {'mean':>7}  {'90 % interval':<18} width over the prior's"]
         lines += [

@@ -13,7 +13,7 @@ from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.dynamics.model import Model, build_model
 from sim_core.gaits.library import Gait, Library, load_library
 from sim_core.structure.elements import PREVIOUS
-from sim_core.structure.policy import MOST_STAGES, checked_policy
+from sim_core.structure.policy import MOST_STAGES, checked_policy, in_stages
 from sim_core.structure.topology import NEIGHBOURS
 from sim_core.studies.ensemble_fit import Roll, Seen
 from tensegrity_lab.bags.replay import model_of
@@ -37,6 +37,7 @@ class Tries:
         library: of all gaits.
         seen: the trials.
         names: the primitive of each.
+        chains: trials that are left out: a fit takes single rolls.
     """
 
     sources: tuple[str, ...]
@@ -45,12 +46,14 @@ class Tries:
     library: Library
     seen: tuple[Seen, ...]
     names: tuple[str, ...]
+    chains: int = 0
 
     @property
     def facts(self) -> dict[str, Any]:
         """For scripts and for the record."""
         counts = {"trials": len(self.seen), "successes": sum(one.won for one in self.seen)}
-        return {"sessions": list(self.sources), "robot": self.robot, "virtual": self.virtual, **counts}
+        facts = {"sessions": list(self.sources), "robot": self.robot, "virtual": self.virtual, **counts}
+        return facts | ({"chains_left_out": self.chains} if self.chains else {})
 
     @property
     def counts(self) -> dict[tuple[str, str, str], tuple[int, int]]:
@@ -91,10 +94,12 @@ def read_tries(paths: Sequence[Path], model: Model, library: str | None = None) 
     seen = tuple(one for part in parts for one in part.seen)
     if not seen:
         raise SessionError(
-            f"no trial of {', '.join(map(str, paths))} has an outcome (void and revoked ones do not count): run `sixstrut trial`"
+            f"no trial of {', '.join(map(str, paths))} has an outcome (void and revoked ones and chains do not count): run "
+            "`sixstrut trial`"
         )
     sources = tuple(source for part in parts for source in part.sources)
-    return Tries(sources, first.robot, first.virtual, first.library, seen, tuple(name for part in parts for name in part.names))
+    names, chains = tuple(name for part in parts for name in part.names), sum(part.chains for part in parts)
+    return Tries(sources, first.robot, first.virtual, first.library, seen, names, chains)
 
 
 def _require_model(tries: Tries, model: Model) -> None:
@@ -132,9 +137,11 @@ def _bag(path: Path, model: Model, library: str | None) -> Tries:
 
 
 def _of_lines(source: str, robot: str, virtual: bool, library: Library, lines: Sequence[Line], placed: bool) -> Tries:
+    chains = sum(bool(line.chain) for line in lines)
+    lines = [line for line in lines if not line.chain]
     rolls = (Roll(line.source, line.target, checked_policy(line.policy_mm, 10_000, MOST_STAGES)) for line in lines)
     seen = tuple(Seen(roll, line.outcome is Outcome.SUCCESS, placed) for roll, line in zip(rolls, lines, strict=True))
-    return Tries((source,), robot, virtual, library, seen, tuple(line.primitive for line in lines))
+    return Tries((source,), robot, virtual, library, seen, tuple(line.primitive for line in lines), chains)
 
 
 def _unplanned(path: Path, model: Model, library: Library) -> Tries:
@@ -156,6 +163,6 @@ def _unplanned(path: Path, model: Model, library: Library) -> Tries:
 
 
 def _gait(library: Library, source: str | None, policy: tuple[int, ...]) -> Gait | None:
-    """The library's gait from there with that policy; None: there is none."""
+    """The library's gait from there that rests at that policy; None: there is none."""
     gaits = (gait for target in NEIGHBOURS.get(source or "", ()) for gait in library.gaits(source or "", target))
-    return next((gait for gait in gaits if gait.policy == policy), None)
+    return next((gait for gait in gaits if in_stages(gait.policy)[-1] == policy), None)

@@ -39,7 +39,7 @@ class Verdict(NamedTuple):
 
 def void_of(rolled: Rolled) -> str:
     """Why nothing was learnt from a roll; empty: it was a trial."""
-    return "" if rolled.completed else rolled.reason or "the roll ended early"
+    return "" if rolled.completed and not rolled.ended_early else rolled.reason or "the roll ended early"
 
 
 class Observer:

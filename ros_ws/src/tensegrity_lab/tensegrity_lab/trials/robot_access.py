@@ -6,7 +6,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -27,6 +27,8 @@ from tensegrity_lab.stack.virtual_stack import FREE_BYTES, VirtualRobot
 
 ROLL_LIMIT_S = 150.0
 """Robot time that one roll may take, all motions and all settlings."""
+LINK_LIMIT_S = 15.0
+"""And each roll of a chain, beside that."""
 CALM_LIMIT_S = 60.0
 """Robot time within which the robot is seen at rest."""
 SILENT_S = 3.0
@@ -56,7 +58,7 @@ class Hardware:
 
 
 class Rolled(NamedTuple):
-    """How a roll ended: see the action Roll. `faults`: what the bridge complained of meanwhile."""
+    """How a roll or chain ended: see the action Roll. `faults`: what the bridge complained of meanwhile."""
 
     success: bool
     completed: bool
@@ -65,6 +67,8 @@ class Rolled(NamedTuple):
     faces: tuple[str, ...]
     robot_s: float
     faults: str
+    rolls: int = 0
+    ended_early: bool = False
 
 
 class RobotAccess:
@@ -79,7 +83,7 @@ class RobotAccess:
         self._links: Path | None = None
         self._neutral_m = neutral_lengths(load_prototype()).tolist()
         self._late = LateOrders()
-        self._too_late = ""
+        self._hurried = False
         self._eye: ObserverClient | None = None
         self.operator: Any = None
         self.starts = 0
@@ -231,15 +235,26 @@ class RobotAccess:
         self.operator.wait_for_duty(needed_s, 30.0 + 700.0 / self.scale, watch)
 
     def slow_down(self) -> bool:
-        """At half the time scale from the next start on, if the last roll's orders came too late; False: no need, or no way."""
+        """At half the time scale from the next start on, if that may mend the last roll; False: no need, or no way.
+
+        It may if orders came too late, or a chain ended early: waiting for late orders wears out the duty that it has.
+        """
         hardware = self._hardware
-        if not self._too_late or hardware.port or hardware.time_scale <= 1.0:
+        if not self._hurried or hardware.port or hardware.time_scale <= 1.0:
             return False
         self._hardware = replace(hardware, time_scale=max(1.0, hardware.time_scale / 2.0))
         return True
 
-    def roll(self, source: str, target: str, primitive: str, tell: Callable[[Any], None], watch: Callable[[], None]) -> Rolled:
-        """One roll and the return. Raises StackError; what `watch` raises, with the struts held.
+    def roll(
+        self,
+        source: str,
+        target: str,
+        primitive: str,
+        tell: Callable[[Any], None],
+        watch: Callable[[], None],
+        faces: Sequence[str] = (),
+    ) -> Rolled:
+        """One roll, or a chain over `faces`, and the return. Raises StackError; what `watch` raises, with the struts held.
 
         A roll during which a virtual prototype took its orders too late is none: it was not the roll that was asked for.
         """
@@ -253,13 +268,14 @@ class RobotAccess:
             watch()
 
         self._late.forget()
-        self._too_late = ""
-        limit_s = 30.0 + ROLL_LIMIT_S / self.scale
-        result = self.operator.roll(target, source, primitive, tell=tell, limit_s=limit_s, watch=look)
+        self._hurried = False
+        limit_s = 30.0 + (ROLL_LIMIT_S + LINK_LIMIT_S * len(faces)) / self.scale
+        result = self.operator.roll(target, source, primitive, tell=tell, limit_s=limit_s, watch=look, faces=faces)
         errors = self.operator.bridge.write_errors - before
         if errors:
             complaints.append(f"{errors} write errors")
-        late = self._too_late = self._late.too_late(self.scale)
+        late = self._late.too_late(self.scale)
+        self._hurried = bool(late or result.ended_early)
         if late:
             with suppress(StackError):
                 self.wait_for_rest()
@@ -271,4 +287,6 @@ class RobotAccess:
             tuple(result.face_sequence),
             float(result.duration_s),
             "; ".join(complaints),
+            int(result.rolls),
+            bool(result.ended_early),
         )

@@ -19,7 +19,7 @@ from tensegrity_lab.terminal.keys import Keys
 from tensegrity_lab.trials.judge import Hands, Verdict
 from tensegrity_lab.trials.panel import LEAVE, UNDO, Panel
 from tensegrity_lab.trials.robot_access import RobotAccess, Rolled
-from tensegrity_lab.trials.time_estimate import runs_s
+from tensegrity_lab.trials.time_estimate import Work, work_of
 
 VOIDS_ALLOWED = 3
 """In a row: then something is wrong that more trials do not mend."""
@@ -127,7 +127,9 @@ class Session:
     def _trial(self, slot: Slot) -> Outcome:
         """Check, roll, judge, record."""
         lab = self._lab
-        self._panel.show(source=slot.source, target=slot.target, primitive=slot.primitive, phase="checking", keys=KEYS)
+        _, *faces = slot.chain.split("-")
+        what = f"{slot.primitive}, {len(faces)} rolls: {' '.join(faces)}" if faces else slot.primitive
+        self._panel.show(source=slot.source, target=slot.target, primitive=what, phase="checking", keys=KEYS)
         self._watch()
         self._check(slot)
         began_ns, began_s = time.time_ns(), time.monotonic()
@@ -139,7 +141,7 @@ class Session:
         rolled = Rolled(False, False, "", "", (slot.source,), math.nan, "")
         try:
             self._ledger.append(line)
-            rolled = lab.roll(slot.source, slot.target, slot.primitive, self._on_feedback, self._watch)
+            rolled = lab.roll(slot.source, slot.target, slot.primitive, self._on_feedback, self._watch, faces)
             verdict = self._hands.judge(lab, slot, rolled)
         except (KeyboardInterrupt, EOFError):
             if self._ledger.standing().open is not None:  # else it came before the trial began, or after its end
@@ -153,7 +155,7 @@ class Session:
 
     def _check(self, slot: Slot) -> None:
         """What must be well before a trial. Raises StackError."""
-        needs_s = float(runs_s(slot.policy_mm, self._speed_m_s).max())
+        needs_s = self._work_of(slot).needs_s
         if self._lab.operator.bridge.duty_left_s < needs_s or self._still_warm_s(slot) > 0.0:
             self._panel.show(phase="resting: the actuators have run as long as their duty permits")
             self._lab.rest(needs_s, self._watch)
@@ -168,8 +170,11 @@ class Session:
         for line in self._ledger.lines:
             at_s = utc_ns(line.began) / 1e9 if line.event is Event.BEGIN else -math.inf
             if at_s > now_s - 2.0 * limits.duty_window_s:
-                duty = duty.ran(runs_s(line.policy_mm, self._speed_m_s).tolist(), at_s, limits)
-        return min(duty.wait_s(runs_s(slot.policy_mm, self._speed_m_s), now_s, limits), limits.longest_window_s)
+                duty = duty.ran(self._work_of(line).runs_s.tolist(), at_s, limits)
+        return min(duty.wait_s(self._work_of(slot).runs_s, now_s, limits), limits.longest_window_s)
+
+    def _work_of(self, gait: Slot | Line) -> Work:
+        return work_of(gait, self._folder.library, self._speed_m_s)
 
     def _cool_down(self, slot: Slot) -> None:
         end = time.monotonic() + self._still_warm_s(slot)
@@ -192,6 +197,7 @@ class Session:
             wall_s=round(time.monotonic() - began_s, DIGITS),
             battery_v=round(float(lab.operator.bridge.battery_v), DIGITS),
             faults=rolled.faults,
+            rolls=rolled.rolls,
         )
         self._ledger.append(line)
         self._tried += 1
@@ -245,12 +251,13 @@ class Session:
         last = standing.trials[max(standing.trials)]
         line = replace(last, event=Event.REVOKE, recorded=_now())
         self._ledger.append(line)
-        self._panel.line(f"trial {last.number} ({last.primitive} {last.source}→{last.target}, {last.outcome}) is revoked")
+        self._panel.line(f"trial {last.number} ({last.name}, {last.outcome}) is revoked")
         self._panel.show(last=f"trial {last.number} revoked")
         self._unlogged.append(line)
 
     def _on_feedback(self, feedback: Any) -> None:
-        self._panel.show(phase=f"{feedback.phase}, {100 * feedback.progress:.0f} %")
+        onto = f" to {feedback.next_face}, {feedback.rolls} rolls made" if feedback.next_face else ""
+        self._panel.show(phase=f"{feedback.phase}{onto}, {100 * feedback.progress:.0f} %")
 
     def _progress(self, due: list[Slot]) -> dict[str, Any]:
         standing = self._ledger.standing()
@@ -262,7 +269,7 @@ class Session:
         due = due_of(self._folder.plan, self._ledger.standing().done())
         progress = self._progress(due)
         why = f": {line.reason}" if line.reason else ""
-        text = f"{line.primitive} {line.source}→{line.target} {line.outcome}{why}"
+        text = f"{line.name} {line.ended}{why}"
         self._panel.show(last=text, **progress)
         self._panel.line(f"trial {line.number}: {text}  ({progress['done']} of {len(self._folder.plan)} done)")
 

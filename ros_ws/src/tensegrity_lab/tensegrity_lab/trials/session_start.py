@@ -6,6 +6,7 @@ import random
 import signal
 import sys
 import time
+from collections import Counter
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -19,6 +20,7 @@ from hardware_bridge.prototype_client.handshake import read_handshake
 from sim_core.dynamics.actuators import require_actuators
 from sim_core.dynamics.model import build_model
 from sim_core.files.places import folder_problem, seen_from_here
+from sim_core.gaits.cycle import Chain
 from sim_core.gaits.library import Library, load_library
 from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
@@ -54,6 +56,8 @@ from tensegrity_lab.trials.time_estimate import HANDS, PROGRAM, Estimate, Pace, 
 DEFAULTS: dict[str, Any] = {"library": "robust", "primitives": "all", "gaits": "all", "repeats": 1}
 VIRTUAL_DEFAULTS: dict[str, Any] = {"perturbation": 0.05, "seed": 1, "actuators": "stand-in"}
 EXIT_LEFT = 130
+CHAIN_TIME_SCALE = 2.0
+"""A virtual prototype rolls chains no faster than this: what is late on the way from its observer to its struts fails them."""
 
 
 @dataclass(frozen=True)
@@ -85,6 +89,11 @@ class TrialRequest:
         """Whether the robot is simulated, here or behind the port."""
         port = self.hardware.port
         return self.virtual or (bool(port) and read_handshake(port) is not None)
+
+    @property
+    def automatic(self) -> bool:
+        """Whether the prototype's observer judges; else a person."""
+        return self.virtual_robot and not self.by_hand
 
     @property
     def given(self) -> dict[str, Any]:
@@ -124,11 +133,22 @@ def _open(asked: TrialRequest, path: Path) -> SessionFolder:
     if "library" in given:
         require_same(settings, {"library_hash": load_library(given.pop("library")).hash})
     require_same(settings, given)
+    if not asked.plan_only:
+        _require_observer(asked, any(slot.chain for slot in folder.plan))
     if not (asked.virtual or asked.hardware.port or asked.plan_only) or asked.virtual_robot != settings.virtual_robot:
         wanted = "--virtual" if settings.virtual_robot else "--port PORT --calibration FILE"
         if asked.virtual or asked.hardware.port or not settings.virtual_robot:
             raise SessionError(f"session {settings.name} is of robot {settings.robot!r}: go on with {wanted}")
     return folder
+
+
+def _require_observer(asked: TrialRequest, has_chains: bool) -> None:
+    """Raises SessionError: a chain is to be rolled that nobody observes."""
+    if has_chains and not asked.automatic:
+        raise SessionError(
+            "chains are judged by an observer, face by face while the robot rolls on; here a person judges: choose primitives, or "
+            "give --virtual without --by-hand"
+        )
 
 
 def _planned(asked: TrialRequest, path: Path, console: Console) -> tuple[Settings, list[Slot], Library]:
@@ -148,10 +168,11 @@ def _planned(asked: TrialRequest, path: Path, console: Console) -> tuple[Setting
         if wrong:
             raise SessionError(f"--{wrong[0]} is of a virtual prototype that the session starts: give --virtual and no --port")
         chosen.setdefault("robot", "virtual prototype at a port" if virtual else "prototype")
-    if not (asked.plan_only or (virtual and not asked.by_hand)):
-        require_keyboard()
     library = load_library(chosen.pop("library"))
     gaits = chosen_gaits(chosen_primitives(library, chosen["primitives"]), chosen["gaits"])
+    _require_observer(asked, any(isinstance(gait, Chain) for gait in gaits))
+    if not (asked.plan_only or asked.automatic):
+        require_keyboard()
     compile_first(Stage.BATCH)
     with console.status(f"predicting {len(gaits)} gaits with the nominal model"):
         plan = planned(gaits, library, build_model(load_prototype()), chosen["repeats"], chosen["order_seed"])
@@ -170,6 +191,8 @@ class _Run:
     """One start of the program on a session."""
 
     def __init__(self, asked: TrialRequest, folder: SessionFolder, console: Console):
+        if any(slot.chain for slot in folder.plan):
+            asked = replace(asked, hardware=replace(asked.hardware, time_scale=min(asked.hardware.time_scale, CHAIN_TIME_SCALE)))
         self._asked, self._folder, self._console = asked, folder, console
         self._ledger = Ledger(folder.path)
         self._virtual = folder.settings.virtual_robot
@@ -198,11 +221,14 @@ class _Run:
         scale = self._asked.hardware.time_scale if self._virtual else 1.0
         pace = Pace(self._speed_m_s, scale, *(PROGRAM if self._automatic else HANDS))
         last = standing.trials.get(standing.last_number)
-        forecast = estimate(due_of(folder.plan, standing.done()), last.observed_face if last else "", pace)
+        forecast = estimate(due_of(folder.plan, standing.done()), last.observed_face if last else "", pace, folder.library)
         show(f"session {settings.name} of {settings.created}: {self._kind} on {settings.robot}")
         chosen = f"primitives {settings.primitives}, gaits {settings.gaits}"
         show(f"  library     {settings.library} ({settings.library_hash}), {chosen}")
-        gaits = f"{len({slot.gait[:3] for slot in folder.plan})} gaits, {settings.repeats} of each"
+        kinds = Counter("chain" if slot.chain else "gait" for slot in folder.plan if slot.repeat == 1)
+        gaits = (
+            " and ".join(f"{count} {kind}{'s' * (count > 1)}" for kind, count in kinds.items()) + f", {settings.repeats} of each"
+        )
         show(f"  plan        {len(folder.plan)} trials: {gaits}; order by seed {settings.order_seed}")
         if standing.last_number:
             voids = f"{len(standing.trials) - len(valid)} void, {len(standing.revoked)} revoked"

@@ -8,10 +8,18 @@ import numpy as np
 
 from hardware_bridge.safety.duty_cycle import Duty
 from hardware_bridge.safety.limits import Limits
-from tensegrity_lab.session_data.plan import Slot, next_due, placing
+from sim_core.gaits.library import Library
+from sim_core.rolling.course import NEUTRAL
+from sim_core.structure.policy import ways_mm
+from tensegrity_lab.session_data.ledger_line import Line
+from tensegrity_lab.session_data.plan import Slot, chain_in, next_due, placing
 
 SETTLE_S = 5.0
 """Robot time from the end of a motion to the word that the robot rests."""
+HELD = 1.2
+"""Struts that are held under load run, too: by so much more than they move in a chain, as measured on virtual prototypes."""
+MARGIN_S = 4.0
+"""Running time that a chain leaves over beside that of two rolls and the way back, so that the planner does not end it early."""
 
 
 class Pace(NamedTuple):
@@ -54,18 +62,44 @@ class Estimate(NamedTuple):
     busiest_s: float
 
 
-def runs_s(policy_mm: Sequence[int], speed_m_s: float) -> np.ndarray:
-    """How long each strut runs in a trial, there and back (s of robot time). Shape (6,)."""
-    return 2e-3 * np.abs(np.asarray(policy_mm, dtype=float)) / speed_m_s
+class Work(NamedTuple):
+    """What a trial asks of the actuators, in s of robot time.
+
+    Attributes:
+        runs_s: how long each strut runs, there and back, (6,).
+        lasts_s: from the first move to the last.
+        needs_s: how long every strut must be able to run before it begins.
+    """
+
+    runs_s: np.ndarray
+    lasts_s: float
+    needs_s: float
 
 
-def estimate(due: Sequence[Slot], face: str, pace: Pace) -> Estimate:
+def work_of(gait: Slot | Line, library: Library, speed_m_s: float) -> Work:
+    """What a gait or chain asks of the actuators. Raises SimError: the library does not have that chain."""
+    if not gait.chain:
+        runs_s = 1e-3 * np.array(ways_mm(gait.policy_mm)) / speed_m_s
+        return Work(runs_s, float(runs_s.max()), float(runs_s.max()))
+    rolls = chain_in(library, gait).rolls
+    policies = np.array([NEUTRAL, *(roll.policy for roll in rolls), NEUTRAL], dtype=float)
+    ways_s = 1e-3 * np.abs(np.diff(policies, axis=0)) / speed_m_s
+    back_s, times_s = float(ways_s[-1].max()), np.array([roll.dwell_s + roll.time_s for roll in rolls])
+    moves_s = np.minimum(ways_s[:-1], times_s[:, None]).sum(axis=0) + ways_s[-1]  # the next roll overtakes what is not there yet
+    runs_s = HELD * moves_s
+    two_s = float((times_s[:-1] + times_s[1:]).max())
+    needs_s = float(runs_s.max()) + two_s + MARGIN_S
+    return Work(runs_s, float(times_s.sum()) + back_s, min(needs_s, *(budget_s for _, budget_s in Limits().duty_windows)))
+
+
+def estimate(due: Sequence[Slot], face: str, pace: Pace, library: Library) -> Estimate:
     """Walk through what is due, as the session would, with every trial a success.
 
     Args:
         due: the slots.
         face: where the robot is; empty: nowhere.
         pace: how long each part of a trial takes.
+        library: of the plan.
     """
     left, duty, limits = list(due), Duty(), Limits()
     now_s = rest_s = 0.0
@@ -77,12 +111,13 @@ def estimate(due: Sequence[Slot], face: str, pace: Pace) -> Estimate:
             now_s += pace.placing_s * pace.time_scale
             face = placing(left)
             continue
-        needs_s = runs_s(slot.policy_mm, pace.speed_m_s)
-        wait_s = min(duty.wait_s(needs_s, now_s, limits), limits.longest_window_s)
+        work = work_of(slot, library, pace.speed_m_s)
+        at_once_s = np.minimum(work.runs_s, limits.burst_fraction * limits.burst_window_s)  # a long chain has pauses of its own
+        wait_s = min(duty.wait_s(at_once_s, now_s, limits), limits.longest_window_s)
         rest_s, now_s = rest_s + wait_s, now_s + wait_s
-        duty = duty.ran(needs_s.tolist(), now_s, limits)
-        busy_s += needs_s
-        now_s += float(needs_s.max()) + 2.0 * SETTLE_S + pace.hands_s * pace.time_scale
+        duty = duty.ran(work.runs_s.tolist(), now_s, limits)
+        busy_s += work.runs_s
+        now_s += work.lasts_s + 2.0 * SETTLE_S + pace.hands_s * pace.time_scale
         left.remove(slot)
         face = slot.target
     scale = pace.time_scale

@@ -40,6 +40,7 @@ def command(
     from sim_core.rolling.warm_up import Stage
     from sim_core.structure.elements import PREVIOUS
     from sim_core.structure.parameters import load_prototype
+    from sim_core.structure.policy import in_stages
     from sim_core.studies.model_agreement import compare, load_gaits, verdicts
     from sim_core.uncertainty.perturbation_law import perturb
     from tensegrity_lab.terminal.compile_notice import compile_first
@@ -54,7 +55,9 @@ def command(
         columns = [] if bag else [verdicts(perturb(improved, perturbation, seed + k), listed) for k in range(prototypes)]
     if bag:
         tries = _tries_in_bags(bag, robot.strut_length_m)
-        trials = [[o.succeeded(g.target) for o in tries if (o.source, o.policy) == (g.source, g.policy)] for g in listed]
+        trials = [
+            [o.succeeded(g.target) for o in tries if (o.source, o.policy) == (g.source, in_stages(g.policy)[-1])] for g in listed
+        ]
         kind = "trials in the bags"
     else:
         trials = [list(row) for row in zip(*columns, strict=True)]

@@ -39,7 +39,12 @@ def command(
 
     picture = picture or output_folder("odds") / "odds.png"
     files = bags_of(options.given_or(newest, bags))
-    rolls = [one for path in files for one in foretold_in(path)]
+    found = [one for path in files for one in foretold_in(path)]
+    rolls = [one for one in found if not one.is_chain]
+    if len(found) > len(rolls):
+        typer.echo(
+            f"left out: {len(found) - len(rolls)} chain(s); single rolls are compared here, `report` counts chains", err=True
+        )
     told = calibration([one.odds for one in rolls], [one.won for one in rolls])
     if told is None:
         typer.echo(

@@ -117,9 +117,9 @@ def _by_trial(
 
 def _document(course: Any, odds: dict[str, Any]) -> dict[str, Any]:
     line = course.line
-    told = odds.get(f"{line.primitive} {line.source}→{line.target}")
+    told = odds.get(line.name)
     return {
-        **{key: getattr(line, key) for key in ("number", "primitive", "source", "target")},
+        **{key: getattr(line, key) for key in ("number", "primitive", "source", "target", "chain", "rolls")},
         "outcome": str(line.outcome),
         "recorded_faces": list(line.faces),
         "twin_faces": list(course.faces),

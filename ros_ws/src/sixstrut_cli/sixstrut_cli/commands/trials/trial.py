@@ -14,9 +14,15 @@ def command(
         Path | None, typer.Argument(help="The session's folder; it goes on if it exists. Default: a new one.")
     ] = None,
     library: Annotated[str | None, typer.Option(help="A shipped library's name, or a YAML file; default: robust.")] = None,
-    primitives: Annotated[str | None, typer.Option(help='Which of it: "1-40", "1,3,7-9", "P5,P12", all; default: all.')] = None,
+    primitives: Annotated[
+        str | None, typer.Option(help='Which of it: "1-40", "1,3,7-9", "P5,P12", all; of cycles "C1", cycles; default: all.')
+    ] = None,
     gaits: Annotated[
-        str | None, typer.Option(help="all (24), proper, improper, reference, or pairs: TC6-TO5,TO5-TC8; default: all.")
+        str | None,
+        typer.Option(
+            help="all (24), proper, improper, reference, or pairs: TC6-TO5,TO5-TC8; of cycles straight chains of 12 rolls that "
+            "begin with these pairs, or chains: TC6-TO5-TC3-TO4-TC4; default: all."
+        ),
     ] = None,
     repeats: Annotated[int | None, typer.Option(min=1, max=1000, help="Trials of each gait; default: 1.")] = None,
     order_seed: Annotated[int | None, typer.Option(min=0, help="Draws the order; default: drawn and kept.")] = None,
@@ -48,11 +54,13 @@ def command(
 
     The plan comes first: order, duty, time. Then each trial is checked, rolled, judged by one key (or by the virtual prototype's
     observer) and recorded. Ctrl-C, a power cut or a kill lose nothing: the same command goes on. Then: sixstrut report SESSION.
+    A chain of a cycle is one trial; an observer has to judge it, and a virtual prototype rolls it at twice real time at most.
     Exit code 0: all trials are done; 130: left before.
 
     sixstrut trial --library robust --primitives 1-40 --gaits all --port /dev/rfcomm0 --calibration my_calibration.yaml
     sixstrut trial bags/monday --primitives 1-4 --virtual --perturbation 0.1 --seed 3
     sixstrut trial bags/monday --virtual
+    sixstrut trial --virtual --library continuous --primitives C1 --gaits TC6-TO5-TC3-TO4-TC4 --repeats 4
     """
     from sim_core.printable import NAME_MOST, printable
     from tensegrity_lab.trials.robot_access import Hardware
