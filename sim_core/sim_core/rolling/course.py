@@ -14,7 +14,7 @@ from sim_core.gaits.cycle import ChainRoll
 from sim_core.rolling import roll_monitor as w
 from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure.arrays import Array
-from sim_core.structure.policy import Policy, lengths_of
+from sim_core.structure.policy import Policy, in_stages, lengths_of
 
 NEUTRAL: Policy = (0, 0, 0, 0, 0, 0)
 LATENCY_S = 0.4
@@ -28,7 +28,7 @@ class Stage(NamedTuple):
 
     Attributes:
         policy: six strokes, whole mm.
-        onto: the face that it leads onto.
+        onto: the face that it leads onto; empty: whatever is stood on meanwhile.
         least_s: it lasts so long at least, from its beginning; None: until the robot is at rest.
         seen_s: and so long after the robot first stood on the face; None: whether it stands there or not.
         limit_s: a robot that does not stand there so long after the beginning has missed.
@@ -89,7 +89,7 @@ def table_of(model: Model, stages: Sequence[Stage]) -> Array:
     rows = np.zeros((len(stages), w.STAGE_ROWS))
     for row, stage in zip(rows, stages, strict=True):
         row[: w.ONTO] = model.rest_lengths(lengths_of(model.prototype, stage.policy))
-        row[w.ONTO] = FACE_NAMES.index(stage.onto)
+        row[w.ONTO] = FACE_NAMES.index(stage.onto) if stage.onto else -1
         row[w.SEEN] = -1
         if stage.least_s is not None:
             row[w.ENDS], row[w.LEAST] = w.ON_TIME, _samples(stage.least_s)
@@ -104,7 +104,8 @@ def _samples(seconds: float) -> int:
 
 def wanted_of(stages: Sequence[Stage]) -> int:
     """How many faces a course leads over."""
-    return sum(1 for before, stage in zip((None, *stages), stages, strict=False) if before is None or before.onto != stage.onto)
+    faces = [stage.onto for stage in stages if stage.onto]
+    return sum(1 for before, face in zip(("", *faces), faces, strict=False) if before != face)
 
 
 def course_result_of(
@@ -169,7 +170,14 @@ def stages_of_chain(rolls: Sequence[ChainRoll], latency_s: float = LATENCY_S, ob
     return (*stages, Stage(NEUTRAL, rolls[-1].onto))
 
 
-def stages_of_rolls(policies: Sequence[Policy], onto: Sequence[str]) -> tuple[Stage, ...]:
-    """The stages of rolls one after the other as `roll` makes each: at rest after actuation, and at rest in neutral."""
-    pairs = zip(policies, onto, strict=True)
-    return tuple(stage for policy, face in pairs for stage in (Stage(policy, face), Stage(NEUTRAL, face)))
+def stages_of_rolls(policies: Sequence[Policy], onto: Sequence[str], speed_m_s: float) -> tuple[Stage, ...]:
+    """The stages of rolls one after the other as `roll` makes each: at rest after actuation, and at rest in neutral.
+
+    `speed_m_s`: of the actuators; so long they have for the first stage of a policy in two.
+    """
+    stages: list[Stage] = []
+    for policy, face in zip(policies, onto, strict=True):
+        *via, last = in_stages(policy)
+        stages += [Stage(part, "", 1e-3 * max(map(abs, part)) / speed_m_s) for part in via]
+        stages += [Stage(last, face), Stage(NEUTRAL, face)]
+    return tuple(stages)

@@ -88,7 +88,7 @@ def chain_study(
         if library.cycles:
             faces = chain_faces(TURNS[0], draws[0], ROLLS)
             policies = [library.gaits(*pair)[0].policy for pair in pairwise(faces)]
-            stages = stages_of_rolls(policies, faces[1:])
+            stages = stages_of_rolls(policies, faces[1:], prototype.actuator_speed_m_s)
             work[_Way(STOP_AND_GO, TURNS[0], name)] = _chunks(prototype, [(draw, stages) for draw in draws], parameters)
     total, before, found = sum(jobs_in(chunks) for chunks in work.values()), 0, []
     for way, chunks in work.items():

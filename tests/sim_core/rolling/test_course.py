@@ -13,7 +13,7 @@ from sim_core.dynamics.robot import Robot
 from sim_core.gaits.cycle import TURNS, Cycle, CycleStage, chain_of, faces_of
 from sim_core.gaits.library import load_library
 from sim_core.rolling.batch import FOLLOWING, Batch, Job
-from sim_core.rolling.course import NEUTRAL, Course, Stage, stages_of_chain
+from sim_core.rolling.course import NEUTRAL, Course, Stage, stages_of_chain, stages_of_rolls
 from sim_core.rolling.roll import rules_of, samples_of
 from sim_core.rolling.roll_monitor import SAMPLE_S
 from sim_core.structure.policy import lengths_of
@@ -121,6 +121,8 @@ def test_a_roll_is_a_course_of_two_stages_to_the_last_bit_of_the_record(robots):
     ways = [(ROLL, "TO5"), ((0, 30, 0, -30, 0, 10), "TO7")]
     rolls = [Job(number, "TC6", *way) for number in range(2) for way in ways]
     courses = [Course(number, "TC6", roll_stages(*way)) for number in range(2) for way in ways]
+    rolls.append(Job(1, "TC6", ROLL + (0,) * 6, "TO5"))
+    courses.append(Course(1, "TC6", stages_of_rolls([ROLL + (0,) * 6], ["TO5"], robots[1].prototype.actuator_speed_m_s)))
     batch = Records(robots, 1)
     assert batch.run(courses) == batch.run(rolls)
 
