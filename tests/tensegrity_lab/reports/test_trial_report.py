@@ -105,6 +105,14 @@ def test_a_recording_of_rosbag2_with_the_trials_is_reported_as_the_session(bad, 
     assert (empty.returncode, "holds no trials" in empty.stderr) == (1, True)
 
 
+@pytest.mark.ros
+def test_a_policy_in_two_stages_is_in_the_bag_as_it_was(bad, tmp_path):
+    line = next(line for line in read_lines(bad.path / LEDGER)[0] if line.event is Event.TRIAL)
+    policies = tuple(range(-6, 6)), line.policy_mm
+    written = [replace(line, policy_mm=policy) for policy in policies]
+    assert tuple(line.policy_mm for line in lines_in_bag(recorded(tmp_path / "recorded", written))) == policies
+
+
 def test_tests_follow_from_the_rates(written):
     target, printed = written
     rates = {g: [float(row["rate"]) for row in rows(target / "primitives.csv") if row["group"] == g] for g in "ab"}
@@ -240,8 +248,8 @@ def test_a_chain_s_record_reads_back_from_a_bag_and_records_of_before_are_single
     assert [(line.chain, line.rolls, line.gait) for line in again] == [(line.chain, line.rolls, line.gait) for line in lines]
 
     def before(text):
-        fields = ("string chain", "uint32 rolls")
-        assert sum(line.startswith(fields) for line in text.splitlines()) == 2
+        fields = ("string chain", "uint32 rolls", "int8[6] via_mm")
+        assert sum(line.startswith(fields) for line in text.splitlines()) == 3
         return "\n".join(line for line in text.splitlines() if not line.startswith(fields))
 
     old = lines_in_bag(recorded(tmp_path / "before", lines, before))
