@@ -289,7 +289,7 @@ def test_an_output_that_cannot_be_written_is_refused_before_anything_is_read_or_
     here = {"HERE": f"{tmp_path}/file/folder", "SESSION": "/nowhere", "BAG": "/nowhere.mcap"}
     words = [next((word.replace(key, path) for key, path in here.items() if key in word), word) for word in line.split()]
     monkeypatch.setattr("sixstrut_cli.commands.develop.docs._build", None)
-    monkeypatch.setattr("sixstrut_cli.reference.pages", dict)
+    monkeypatch.setattr("docs.from_code.pages", dict)
     assert app.run(words) in (1, 2)
     last = capsys.readouterr().err.strip().splitlines()[-1]
     assert "file/folder" in last

@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 import typer
 
+from docs.from_code import pages
+from docs.from_code.commands import ENVIRONMENT, _parts
 from sixstrut_cli import app, registry
-from sixstrut_cli.reference import pages
-from sixstrut_cli.reference.commands import ENVIRONMENT, _parts
 
 ROOT = Path(__file__).parents[2]
 LINK = re.compile(r"!?\[[^\]]*\]\(([^)\s]+)\)")

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from hardware_bridge.safety.limits import Limits
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.cycle import TURNS, turns_of
 from sim_core.gaits.library import load_library
@@ -235,7 +236,9 @@ def test_a_chain_runs_from_policy_to_policy_and_back_and_needs_no_more_than_rest
     works = [work_of(slot, cyclic(), 0.015) for slot in (short, *with_chains(CHAIN), *with_chains("reference"))]
     assert all((one.runs_s <= HELD * one.lasts_s).all() for one in works)
     assert works[0].needs_s < works[1].needs_s < min(one.needs_s for one in works[2:])
-    assert max(one.needs_s for one in works) <= Limits().burst_fraction * Limits().burst_window_s, "else the session would wait for it forever"
+    assert max(one.needs_s for one in works) <= Limits().burst_fraction * Limits().burst_window_s, (
+        "else the session would wait for it forever"
+    )
     assert works[0].needs_s > works[0].runs_s.max() + 7.0, "the planner wants two rolls and the way back to be left"
 
 

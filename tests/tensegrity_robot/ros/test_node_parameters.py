@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import yaml
 
-from sixstrut_cli.reference import interfaces
+from docs.from_code import interfaces
 from tensegrity_lab.stack.processes import executable
 from tensegrity_robot.bridge.bridge_parameters import BridgeParameters
 from tensegrity_robot.bridge.hardware_bridge_node import ABOUT as BRIDGE

@@ -112,8 +112,8 @@ def repository(folder: str) -> Path:
     return path
 
 
-def import_tests() -> None:
-    """Make the repository's tests importable: failures, benchmarks, validation. Raises typer.BadParameter: no repository."""
+def import_checkout() -> None:
+    """Make importable what is not installed: failures, benchmarks, validation, docs. Raises typer.BadParameter: no repository."""
     sys.path.insert(0, str(repository("tests").parent))
 
 

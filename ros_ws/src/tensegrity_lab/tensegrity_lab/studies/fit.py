@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
 """What the command `fit` does, step by step."""
 
-from dataclasses import asdict, fields
+from dataclasses import asdict, dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
 from sim_core.dynamics.model import Model
 from sim_core.errors import ParameterError
-from sim_core.gaits.library import load_library
 from sim_core.gaits.success_counts import success_counts_text
 from sim_core.rolling.warm_up import Stage
 from sim_core.studies.ensemble_fit import LEAST, Fit, estimates, fit
-from sim_core.studies.gait_learning import fitted_prior, gaits_of, learned_counts, roll_of, shipped_prior
+from sim_core.studies.gait_learning import WEIGHT, fitted_prior, gaits_of, learned_counts, roll_of, shipped_prior
 from sim_core.studies.rehearsal import DEFAULT_MEMBERS
 from sim_core.uncertainty.ensemble import Posterior, posterior_text
 from sim_core.uncertainty.fit_prior import LABELS, Prior
-from tensegrity_lab.studies.fit_demonstration import FitOptions, Setting, demonstrate, half_ranges
-from tensegrity_lab.studies.fit_page import page_of
+from sim_core.uncertainty.importance_weights import LAPSE
 from tensegrity_lab.studies.fit_trials import Tries
 from tensegrity_lab.terminal.compile_notice import compile_first
 from tensegrity_lab.terminal.forecast import say_forecast
@@ -25,9 +23,21 @@ from tensegrity_lab.terminal.progress import bars
 VIRTUAL = "These are virtual trials: the robot shares the model's equations, so this says nothing of a real one."
 
 
+@dataclass(frozen=True)
+class FitOptions:
+    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_learning.learned_counts`."""
+
+    members: int = 128
+    rounds: int = 2
+    seed: int = 1
+    lapse: float = LAPSE
+    prior: Prior = field(default_factory=Prior)
+    weight: float = WEIGHT
+
+
 def prior_of(words: str) -> Prior:
     """A prior from "name=number,name=number". Raises ParameterError: an unknown name, or an impossible number."""
-    names = [field.name for field in fields(Prior)]
+    names = [each.name for each in fields(Prior)]
     given: dict[str, float] = {}
     for word in filter(None, (part.strip() for part in words.split(","))):
         name, _, value = word.partition("=")
@@ -107,6 +117,11 @@ def _estimates(found: Fit) -> list[Any]:
     return estimates(found.parameters, found.weights, LABELS, half_ranges(found.prior))
 
 
+def half_ranges(prior: Prior) -> list[float]:
+    """Of the parameters, in the order of LABELS."""
+    return [prior.friction, prior.stiffness, prior.rest_length, *[prior.stroke] * 6, prior.slope_deg, prior.slope_deg]
+
+
 def text_of(tries: Tries, found: Fit | None) -> str:
     """For people."""
     kind = "virtual trials" if tries.virtual else "trials"
@@ -133,13 +148,3 @@ def text_of(tries: Tries, found: Fit | None) -> str:
     if tries.virtual:
         lines.append(VIRTUAL)
     return "\n".join(lines)
-
-
-def demonstrated(model: Model, setting: Setting, library: str, path: Path) -> str:
-    """Demonstrate on hidden virtual robots; write the page, which is returned. Raises OSError."""
-    compile_first(Stage.BATCH)
-    with bars("rolls", "nothing was written; the demonstration begins anew") as bar:
-        shown = demonstrate(model, load_library(library), setting, bar)
-    text = page_of(shown, model.hash)
-    path.write_text(text, encoding="utf-8")
-    return text

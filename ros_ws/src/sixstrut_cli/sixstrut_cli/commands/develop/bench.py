@@ -12,7 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, import_tests, output_folder, results_page, wrote
+from sixstrut_cli.outputs import announce, import_checkout, output_folder, results_page, wrote
 
 
 def command(
@@ -41,7 +41,7 @@ def command(
     sixstrut bench --stack --quick --json
     sixstrut bench --library continuous --page
     """
-    import_tests()
+    import_checkout()
     if page and (quick or prototype is not None):
         raise typer.BadParameter("the page is of a whole run: leave --quick and --prototype out", param_hint="--page")
     name = "rolling_on.md" if library else "benchmark_stack.md" if stack else "benchmark.md"

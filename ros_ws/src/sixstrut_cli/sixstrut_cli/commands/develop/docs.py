@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from sixstrut_cli.outputs import announce, output_folder, repository, wrote
+from sixstrut_cli.outputs import announce, import_checkout, output_folder, repository, wrote
 
 EXIT_DIFFERENT = 4
 
@@ -25,7 +25,8 @@ def command(
     sixstrut docs
     sixstrut docs --check
     """
-    from sixstrut_cli.reference import pages
+    import_checkout()
+    from docs.from_code import pages
 
     folder = repository("docs/reference")
     root = folder.parents[1]

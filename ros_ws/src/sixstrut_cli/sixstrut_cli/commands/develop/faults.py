@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, import_tests, output_folder, results_page, say, wrote
+from sixstrut_cli.outputs import announce, import_checkout, output_folder, results_page, say, wrote
 
 ROWS = range(1, 25)
 PAGE = "failures.md"
@@ -31,7 +31,7 @@ def command(
     sixstrut faults
     sixstrut faults --only 3,14
     """
-    import_tests()
+    import_checkout()
     numbers = _numbers(only)
     announce(f"{len(numbers)} failures, some seconds each; Ctrl-C ends at any time, then nothing is written")
     if page and numbers != set(ROWS):

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, import_tests, output_folder, results_page, say, wrote
+from sixstrut_cli.outputs import announce, import_checkout, output_folder, results_page, say, wrote
 
 if TYPE_CHECKING:
     from tests.validation import Case
@@ -37,7 +37,7 @@ def command(
     sixstrut validate --only restitution
     sixstrut validate --only 'elastica*' -o elastica
     """
-    import_tests()
+    import_checkout()
     announce("the solver against closed forms: all cases take a minute or two; Ctrl-C leaves at any time")
     from sim_core.dynamics.model import build_model
     from sim_core.structure.parameters import load_prototype

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, in_folder, output_folder, output_of, results_page, wrote
+from sixstrut_cli.outputs import announce, import_checkout, in_folder, output_folder, output_of, results_page, wrote
 
 
 def command(
@@ -65,15 +65,18 @@ def command(
     from sim_core.structure.parameters import load_prototype
     from tensegrity_lab.session_data.folder import newest_session
     from tensegrity_lab.studies import fit as fitting
-    from tensegrity_lab.studies.fit_demonstration import FitOptions, Setting
     from tensegrity_lab.studies.fit_trials import read_tries
 
     model = build_model(load_prototype(prototype))
-    asked = FitOptions(members, rounds, seed, lapse, fitting.prior_of(prior), weight)
+    asked = fitting.FitOptions(members, rounds, seed, lapse, fitting.prior_of(prior), weight)
     if demonstrate:
+        import_checkout()
+        from tests.learning.demonstration import Setting
+        from tests.learning.page import demonstrated
+
         target = results_page("learning.md") if page else output_folder("fit", output) / "learning.md"
         setting = Setting(**vars(asked), robots=robots, primitives=primitives, searched=searched)
-        typer.echo(fitting.demonstrated(model, setting, library or "improved", target))
+        typer.echo(demonstrated(model, setting, library or "improved", target))
         wrote(target)
         return
     if page or output is not None:

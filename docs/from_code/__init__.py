@@ -12,7 +12,7 @@ NOTE = "*This page is written by `./sixstrut docs` from the code; do not edit it
 
 def pages() -> dict[str, Callable[[Path], str]]:
     """Name of each page -> what makes its text from the repository's root."""
-    from sixstrut_cli.reference import commands, file_formats, interfaces, parameters
+    from docs.from_code import commands, file_formats, interfaces, parameters
 
     return {
         "commands.md": commands.page,

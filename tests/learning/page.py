@@ -2,12 +2,18 @@
 """The page learning.md, every figure of it from a demonstration."""
 
 from collections.abc import Sequence
+from pathlib import Path
 
+from sim_core.dynamics.model import Model
+from sim_core.gaits.library import load_library
+from sim_core.rolling.warm_up import Stage
 from sim_core.studies.ensemble_fit import LEAST
 from sim_core.studies.gait_learning import WEIGHT
 from sim_core.studies.rehearsal import DEFAULT_MEMBERS
 from tensegrity_lab.reports.markdown import table
-from tensegrity_lab.studies.fit_demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Demonstration, RobotCase
+from tensegrity_lab.terminal.compile_notice import compile_first
+from tensegrity_lab.terminal.progress import bars
+from tests.learning.demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Demonstration, RobotCase, Setting, demonstrate
 
 INTRODUCTION = """\
 # Learning from trials
@@ -92,3 +98,13 @@ def _searched(cases: Sequence[RobotCase]) -> list[str]:
         "",
         table(("robot", "shipped `robust`", "searched on the fitted ensemble"), rows, "rrr"),
     ]
+
+
+def demonstrated(model: Model, setting: Setting, library: str, path: Path) -> str:
+    """Demonstrate on hidden virtual robots; write the page, which is returned. Raises OSError."""
+    compile_first(Stage.BATCH)
+    with bars("rolls", "nothing was written; the demonstration begins anew") as bar:
+        shown = demonstrate(model, load_library(library), setting, bar)
+    text = page_of(shown, model.hash)
+    path.write_text(text, encoding="utf-8")
+    return text

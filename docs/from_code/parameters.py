@@ -5,10 +5,10 @@ from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
+from docs.from_code import NOTE, table
 from sim_core.dynamics import actuators
 from sim_core.structure import parameters
 from sim_core.structure.parameter_file import ParameterFile
-from sixstrut_cli.reference import NOTE, table
 
 HEAD = """\
 ## The nodes

@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 from typing import NamedTuple
 
-from sixstrut_cli.reference import NOTE, table
+from docs.from_code import NOTE, table
 
 MEANINGS = {
     "roll": "roll over one edge to a neighbouring face",

@@ -7,8 +7,8 @@ from pathlib import Path
 import typer
 import typer.main
 
+from docs.from_code import NOTE, table
 from sixstrut_cli import app, registry
-from sixstrut_cli.reference import NOTE, table
 
 EXIT_CODES = (
     ("0", "done"),

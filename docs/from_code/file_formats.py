@@ -6,7 +6,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import NamedTuple
 
-from sixstrut_cli.reference import NOTE, table
+from docs.from_code import NOTE, table
 
 
 class Kind(NamedTuple):

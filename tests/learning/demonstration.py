@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Does learning from trials help? Hidden virtual robots, some trials of each, and what was learnt put to the test."""
+"""Does learning from trials help? Hidden virtual robots, some trials of each, and what was learnt put to the test.
+
+Run by `./sixstrut fit --demonstrate`.
+"""
 
 import math
 from collections import defaultdict
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +24,9 @@ from sim_core.studies.local_runner import Reporter
 from sim_core.studies.rehearsal import DEFAULT_MEMBERS, DEFAULT_SEED
 from sim_core.uncertainty.ensemble import Posterior
 from sim_core.uncertainty.fit_prior import LABELS, Member, Prior
-from sim_core.uncertainty.importance_weights import LAPSE, beta_mean, log_score, predictive
+from sim_core.uncertainty.importance_weights import beta_mean, log_score, predictive
 from sim_core.uncertainty.perturbation_law import Law, sample
+from tensegrity_lab.studies.fit import FitOptions, half_ranges
 
 TILT_DEG = 1.0
 LOW_FRICTION = (0.4, 0.7)
@@ -31,18 +35,6 @@ HIDDEN_STREAM, TRIALS_STREAM = 32, 33
 DEFAULT_LAW = Law(0.1)
 PREDICTING = 64
 """Members of a fitted ensemble that roll every gait."""
-
-
-@dataclass(frozen=True)
-class FitOptions:
-    """How to fit; see `sim_core.studies.ensemble_fit.fit` and `sim_core.studies.gait_learning.learned_counts`."""
-
-    members: int = 128
-    rounds: int = 2
-    seed: int = 1
-    lapse: float = LAPSE
-    prior: Prior = field(default_factory=Prior)
-    weight: float = WEIGHT
 
 
 @dataclass(frozen=True)
@@ -194,8 +186,3 @@ def _searched(model: Model, setting: Setting, case: RobotCase, report: Reporter)
 def _won(model: Model, robots: Sequence[Member], library: Library, report: Reporter) -> NDArray[np.bool_]:
     """Which of all the library's gaits each robot wins, (robots, gaits)."""
     return wins_of(model, robots, [(roll_of(gait), True) for gait in gaits_of(library.primitives)], report)
-
-
-def half_ranges(prior: Prior) -> list[float]:
-    """Of the parameters, in the order of LABELS."""
-    return [prior.friction, prior.stiffness, prior.rest_length, *[prior.stroke] * 6, prior.slope_deg, prior.slope_deg]
