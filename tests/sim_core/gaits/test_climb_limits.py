@@ -9,7 +9,7 @@ from sim_core.gaits.library import gait_of, load_library
 from sim_core.structure.roll_classes import TC_TO, TO_TC
 
 
-@pytest.mark.parametrize("name", ["robust", "improved", "previous"])
+@pytest.mark.parametrize("name", ["robust", "staged", "continuous", "improved", "previous"])
 def test_every_shipped_library_was_measured(name):
     library = load_library(name)
     found = load_climbs(library)
