@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, console, output_folder, results_page, wrote
+from sixstrut_cli.outputs import announce, console, import_checkout, output_folder, results_page, wrote
 
 if TYPE_CHECKING:
     from tensegrity_lab.stack.virtual_stack import VirtualRobot
     from tensegrity_lab.studies.travel import Trip
-    from tensegrity_lab.studies.travel_study import Case
+    from tests.studies.travels import Case
 
 
 def command(
@@ -100,7 +100,8 @@ def command(
 
 
 def _study(goals: int, robot: VirtualRobot, folder: Path, level: bool, page: bool) -> None:
-    from tensegrity_lab.studies.travel_study import cases_of, read_trips, study
+    import_checkout()
+    from tests.studies.travels import cases_of, read_trips, study
 
     robot.compile()
     cases = cases_of(goals, robot.seed, robot.library, level)
@@ -121,7 +122,7 @@ def _study(goals: int, robot: VirtualRobot, folder: Path, level: bool, page: boo
 def _write(cases: list[Case], found: dict[Case, Trip], robot: VirtualRobot, folder: Path, level: bool, page: bool) -> None:
     from tensegrity_lab.reports.markdown import write_into
     from tensegrity_lab.studies.travel_plot import study_picture
-    from tensegrity_lab.studies.travel_study import groups_of, level_text, page_of, words_of
+    from tests.studies.travels import groups_of, level_text, page_of, words_of
 
     chosen = f"--study {len({case.number for case in cases})} --seed {robot.seed} --time-scale {robot.time_scale:g}"
     chosen += "".join(

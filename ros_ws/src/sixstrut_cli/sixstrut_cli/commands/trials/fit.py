@@ -71,8 +71,8 @@ def command(
     asked = fitting.FitOptions(members, rounds, seed, lapse, fitting.prior_of(prior), weight)
     if demonstrate:
         import_checkout()
-        from tests.learning.demonstration import Setting
-        from tests.learning.page import demonstrated
+        from tests.studies.learning import Setting
+        from tests.studies.learning_page import demonstrated
 
         target = results_page("learning.md") if page else output_folder("fit", output) / "learning.md"
         setting = Setting(**vars(asked), robots=robots, primitives=primitives, searched=searched)

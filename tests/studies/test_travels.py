@@ -7,10 +7,10 @@ import pytest
 
 from tensegrity_lab.stack.simulation_lag import LATE_S
 from tensegrity_lab.stack.virtual_stack import VirtualRobot
-from tensegrity_lab.studies import travel_study as module
 from tensegrity_lab.studies.travel import Trip
 from tensegrity_lab.studies.travel_plot import study_picture, travel_picture
-from tensegrity_lab.studies.travel_study import TRAVELLERS, TRIPS, cases_of, page_of, read_trips, study
+from tests.studies import travels as module
+from tests.studies.travels import TRAVELLERS, TRIPS, cases_of, page_of, read_trips, study
 
 ROBOT = VirtualRobot(time_scale=8.0)
 TRIP = Trip(

@@ -13,7 +13,7 @@ from sim_core.studies.rehearsal import DEFAULT_MEMBERS
 from tensegrity_lab.reports.markdown import table
 from tensegrity_lab.terminal.compile_notice import compile_first
 from tensegrity_lab.terminal.progress import bars
-from tests.learning.demonstration import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Demonstration, RobotCase, Setting, demonstrate
+from tests.studies.learning import DEFAULT_LAW, LOW_FRICTION, TILT_DEG, Demonstration, RobotCase, Setting, demonstrate
 
 INTRODUCTION = """\
 # Learning from trials

@@ -11,8 +11,8 @@ from sim_core.structure.parameters import load_prototype
 from sim_core.studies.binomial_intervals import rate_of
 from sim_core.studies.ensemble_fit import wins_of
 from sim_core.studies.gait_learning import gaits_of, roll_of
-from tests.learning.demonstration import Setting, demonstrate, hidden_robot
-from tests.learning.page import page_of
+from tests.studies.learning import Setting, demonstrate, hidden_robot
+from tests.studies.learning_page import page_of
 
 SMALL = Setting(robots=1, trials=12, primitives=1, members=8, rounds=1, searched=0)
 
