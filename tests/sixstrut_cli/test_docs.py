@@ -42,7 +42,8 @@ def test_a_reference_page_is_what_the_code_says(name):
 
 
 def test_a_page_that_differs_is_named_and_written_anew(tmp_path, monkeypatch, capsys):
-    shutil.copytree(ROOT / "docs/reference", tmp_path / "docs/reference")
+    for part in ("reference", "from_code"):
+        shutil.copytree(ROOT / "docs" / part, tmp_path / "docs" / part)
     shutil.copytree(
         ROOT / "ros_ws/src", tmp_path / "ros_ws/src", ignore=shutil.ignore_patterns("__pycache__", "sim_core", "hardware_bridge")
     )

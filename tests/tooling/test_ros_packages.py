@@ -35,7 +35,7 @@ KEY_OF = {
     "serial": "python3-serial",
 }
 """Module -> key, where the two differ."""
-NOT_AT_RUN_TIME = {"setuptools", "tests", "distributed", "_typeshed"}
+NOT_AT_RUN_TIME = {"setuptools", "tests", "docs", "distributed", "_typeshed"}
 """Of set-up, of the repository's own tools, of a Dask cluster, of type checks."""
 BY_THE_COMMAND = {"ros2launch", "lifecycle_msgs"}
 """Which users need, and rclpy: no module of ours imports it."""

@@ -23,6 +23,10 @@ from sim_core.structure.arrays import Array
 SAMPLE_S = 0.01
 """Footing, clearance and rest are looked at this often. Strut forces are watched at every step."""
 
+LOOK_SAMPLES = 5
+"""In motion somebody looks where the robot stands so often: an observer does, every 50 ms, and a face that is only touched between is
+not seen."""
+
 # Places in a stage's row: raw lengths to drive to; number of the face that it leads onto (−1: whatever it lands on); then samples.
 # A stage ends at rest (AT_REST), or else (ON_TIME) LEAST after its beginning, and if SEEN is not negative no sooner than so long
 # after the robot first stood on the face; a chain whose robot does not within LIMIT of the beginning has missed.
@@ -214,14 +218,16 @@ def _look_in_motion(state: Array, record: Array, rules: Rules, struts: int, stag
     """A sample of a stage that ends on time."""
     stage = int(record[STAGE])
     onto = stages[stage, ONTO]
+    waits = stages[stage, SEEN] >= 0
+    if waits and record[SAMPLES] % LOOK_SAMPLES != 0:
+        face = -1
+    if record[LANDED] > 0:
+        record[LANDED] += 1
     if onto >= 0 and face >= 0 and face != onto and record[LANDED] == 0 and face != _before(record, stages, stage):
         record[PHASE] = MISSED
         return
     if face >= 0 and face == onto and record[LANDED] == 0:
         _reached(state, record, rules)
-    if record[LANDED] > 0:
-        record[LANDED] += 1
-    waits = stages[stage, SEEN] >= 0
     if waits and record[LANDED] == 0 and record[ELAPSED] >= stages[stage, LIMIT]:
         record[PHASE] = MISSED
     elif record[ELAPSED] >= stages[stage, LEAST] and (not waits or record[LANDED] > stages[stage, SEEN]):

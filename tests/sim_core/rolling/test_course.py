@@ -15,7 +15,7 @@ from sim_core.gaits.library import load_library
 from sim_core.rolling.batch import FOLLOWING, Batch, Job
 from sim_core.rolling.course import NEUTRAL, Course, Stage, stages_of_chain, stages_of_rolls
 from sim_core.rolling.roll import rules_of, samples_of
-from sim_core.rolling.roll_monitor import SAMPLE_S
+from sim_core.rolling.roll_monitor import LOOK_SAMPLES, SAMPLE_S
 from sim_core.structure.policy import lengths_of
 from sim_core.uncertainty.perturbation_law import Law, sample
 
@@ -64,12 +64,12 @@ def alone(model, course, actuators=None, strength=1.0):
             face = robot.footing().face
             if face is not None and face != faces[-1]:
                 faces.append(face)
-            if face == stage.onto and landed is None:
+            looks = stage.seen_s is None or samples % LOOK_SAMPLES == 0
+            if face == stage.onto and landed is None and looks:
                 landed = samples
                 landings.append((samples, *robot.center_of_mass_m()[:2]))
             if stage.least_s is not None:
-                # it landed within the sample that ends now, which counts
-                if landed is not None and samples - landed + 1 >= round(stage.seen_s / SAMPLE_S):
+                if landed is not None and samples - landed >= round(stage.seen_s / SAMPLE_S):
                     break
             elif ((told if actuators is not None else robot.rest_lengths_m()) == goal).all():
                 quiet = quiet + 1 if robot.is_slow() else 0

@@ -112,9 +112,9 @@ def repository(folder: str) -> Path:
     return path
 
 
-def import_checkout() -> None:
+def import_checkout(part: str = "tests") -> None:
     """Make importable what is not installed: failures, benchmarks, validation, docs. Raises typer.BadParameter: no repository."""
-    sys.path.insert(0, str(repository("tests").parent))
+    sys.path.insert(0, str(repository(part).parent))
 
 
 def results_page(name: str) -> Path:

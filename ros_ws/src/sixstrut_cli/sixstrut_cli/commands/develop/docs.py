@@ -25,7 +25,7 @@ def command(
     sixstrut docs
     sixstrut docs --check
     """
-    import_checkout()
+    import_checkout("docs")
     from docs.from_code import pages
 
     folder = repository("docs/reference")
