@@ -24,8 +24,8 @@ SAMPLE_S = 0.01
 """Footing, clearance and rest are looked at this often. Strut forces are watched at every step."""
 
 LOOK_SAMPLES = 5
-"""In motion somebody looks where the robot stands so often: an observer does, every 50 ms, and a face that is only touched between is
-not seen."""
+"""In motion somebody looks so often where the robot stands: an observer does, every 50 ms, and what is only touched between is not
+seen."""
 
 # Places in a stage's row: raw lengths to drive to; number of the face that it leads onto (−1: whatever it lands on); then samples.
 # A stage ends at rest (AT_REST), or else (ON_TIME) LEAST after its beginning, and if SEEN is not negative no sooner than so long
