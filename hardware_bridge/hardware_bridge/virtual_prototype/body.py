@@ -94,7 +94,7 @@ class SimulatedBody:
         footing = self._robot.footing()
         return Observation(
             robot_time_ns=self._steps * 1_000_000_000 // self._steps_per_second,
-            face=footing.face,
+            face=footing.face if self._settled else self._robot.face_under(),
             detail=footing.detail,
             settled=self._settled,
             joints_m=self._robot.joints_m(),

@@ -93,6 +93,32 @@ def base(
     return bits, face, margin
 
 
+LOW_M = 0.01
+"""A joint that is no higher above the lowest one is as good as on the ground for a robot in motion."""
+
+
+@njit(cache=True)
+def under(joints: Array, center: Array, down: Array, face_joints: NDArray[np.int64]) -> int:
+    """Number of the face that a robot in motion stands on, −1: none: all its joints are low, and the centre of mass is over it.
+
+    Whatever carries: a moving robot bounces, and in many a shape a fourth joint touches the ground. At rest only `base` counts.
+    """
+    lowest, inside = np.inf, np.empty(3)
+    for joint in range(12):
+        lowest = min(lowest, joints[joint, 2])
+    for face in range(face_joints.shape[0]):
+        corners, high = face_joints[face], 0.0
+        for corner in range(3):
+            high = max(high, joints[corners[corner], 2] - lowest)
+        if high > LOW_M:
+            continue
+        inside[:] = -np.inf
+        past_edges(joints, center, down, corners, inside)
+        if inside.max() <= 0.0:
+            return face
+    return -1
+
+
 @njit(cache=True)
 def past_edges(joints: Array, center: Array, down: Array, corners: NDArray[np.int64], most: Array) -> None:
     """Raise `most` (3,): how far the centre of mass, projected along gravity, is outside each edge of a triangle.

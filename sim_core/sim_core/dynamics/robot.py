@@ -8,7 +8,7 @@ import hashlib
 import numpy as np
 
 from sim_core.dynamics import vfife as k
-from sim_core.dynamics.footing import Footing, center_of_mass, clearance_m, judge_footing
+from sim_core.dynamics.footing import FACE_JOINTS, FACE_NAMES, Footing, center_of_mass, clearance_m, judge_footing, under
 from sim_core.dynamics.model import Model
 from sim_core.errors import DivergedError
 from sim_core.structure.arrays import Array
@@ -87,7 +87,7 @@ class Robot:
         steps = round(SETTLE_S * m.steps_per_second)
         k.advance(robot._state, par, robot._work, m.assembly, m.dt_s, SETTLE_ZETA_1_S, m.reach_m, steps)
         robot.take_settled(*robot.rows(), center_m)
-        return robot if robot.footing().face == face else neutral
+        return robot if robot.face_under() == face else neutral
 
     @classmethod
     def placed_on(cls, model: Model, face: str, yaw_rad: float = 0.0) -> Robot:
@@ -249,6 +249,12 @@ class Robot:
         carry = m.prototype.carry_fraction * m.weight_n
         down = down_of(gravity)
         return judge_footing(self.joints_m(), self.center_of_mass_m(), self.ground_forces_n(), carry, down)
+
+    def face_under(self) -> str | None:
+        """The face that it stands on while it moves, see `footing.under`."""
+        down = down_of(self.model.elements.gravity_m_s2)
+        face = under(self.joints_m(), self.center_of_mass_m(), down, FACE_JOINTS)
+        return FACE_NAMES[face] if face >= 0 else None
 
     def clearance_m(self) -> float:
         """Smallest gap between surfaces of struts, and of struts and box, now."""

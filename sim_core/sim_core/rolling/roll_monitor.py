@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.actuators import Numbers, one_after
-from sim_core.dynamics.footing import FACE_JOINTS, FACE_OF_JOINTS, STRUT_ENDS, base, center_of_mass, clearance, past_edges
+from sim_core.dynamics.footing import FACE_JOINTS, FACE_OF_JOINTS, STRUT_ENDS, base, center_of_mass, clearance, past_edges, under
 from sim_core.dynamics.jit_cache import njit
 from sim_core.structure.arrays import Array
 
@@ -24,8 +24,7 @@ SAMPLE_S = 0.01
 """Footing, clearance and rest are looked at this often. Strut forces are watched at every step."""
 
 LOOK_SAMPLES = 5
-"""In motion somebody looks so often where the robot stands: an observer does, every 50 ms, and what is only touched between is not
-seen."""
+"""In motion somebody looks so often where the robot stands: an observer does, every 50 ms."""
 
 # Places in a stage's row: raw lengths to drive to; number of the face that it leads onto (−1: whatever it lands on); then samples.
 # A stage ends at rest (AT_REST), or else (ON_TIME) LEAST after its beginning, and if SEEN is not negative no sooner than so long
@@ -162,10 +161,16 @@ def see(state: Array, work: Array, record: Array, rules: Rules) -> tuple[int, in
     if seen <= 1:
         corners = rules.face_joints[int(record[SOURCE])]
         past_edges(joints, center, rules.down, corners, record[PAST_EDGES : PAST_EDGES + 3])
+    _stood_on(record, face)
+    return bits, face, margin
+
+
+@njit(cache=True)
+def _stood_on(record: Array, face: int) -> None:
+    seen = int(record[FACES_SEEN])
     if face >= 0 and seen < MOST_FACES and (seen == 0 or record[FACE_LIST + seen - 1] != face):
         record[FACE_LIST + seen] = face
         record[FACES_SEEN] = seen + 1
-    return bits, face, margin
 
 
 @njit(cache=True)
@@ -200,7 +205,7 @@ def _judge(state: Array, work: Array, record: Array, rules: Rules, feels: bool, 
             driving = True
             record[DRIVEN + s] += 1
     if stages[stage, ENDS] == ON_TIME:
-        _look_in_motion(state, record, rules, struts, stages, face)
+        _look_in_motion(state, record, rules, struts, stages)
         return
     if driving:
         record[QUIET] = record[WAITED] = 0
@@ -214,13 +219,18 @@ def _judge(state: Array, work: Array, record: Array, rules: Rules, feels: bool, 
 
 
 @njit(cache=True)
-def _look_in_motion(state: Array, record: Array, rules: Rules, struts: int, stages: Array, face: int) -> None:
+def _look_in_motion(state: Array, record: Array, rules: Rules, struts: int, stages: Array) -> None:
     """A sample of a stage that ends on time."""
-    stage = int(record[STAGE])
-    onto = stages[stage, ONTO]
-    waits = stages[stage, SEEN] >= 0
-    if waits and record[SAMPLES] % LOOK_SAMPLES != 0:
-        face = -1
+    stage, face = int(record[STAGE]), -1
+    onto, waits = stages[stage, ONTO], stages[stage, SEEN] >= 0
+    if record[SAMPLES] % LOOK_SAMPLES == 0:
+        joints, center = np.empty((12, 3)), np.empty(3)
+        for joint in range(12):
+            for axis in range(3):
+                joints[joint, axis] = state[joint * k.PARTICLE_ROWS + k.X + axis]
+        center_of_mass(state, rules.mass, center)
+        face = under(joints, center, rules.down, rules.face_joints)
+        _stood_on(record, face)
     if record[LANDED] > 0:
         record[LANDED] += 1
     if onto >= 0 and face >= 0 and face != onto and record[LANDED] == 0 and face != _before(record, stages, stage):

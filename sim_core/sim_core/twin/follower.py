@@ -247,7 +247,7 @@ class Follower:
             return
         if seen.settled and not self.robot.is_slow():
             return
-        here = self.robot.footing().face
+        here = self.robot.footing().face if seen.settled else self.robot.face_under()
         if not seen.settled and here != seen.face and self.robot_time_ns - seen.robot_time_ns < PATIENCE_NS:
             return
         self._pending = None

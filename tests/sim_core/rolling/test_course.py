@@ -34,6 +34,17 @@ class Alone(NamedTuple):
     travel_m: tuple[float, float]
 
 
+def seen(robot, stage, samples, faces):
+    """The face that counts now; what it stands on joins `faces`."""
+    strict = face = robot.footing().face
+    if stage.least_s is not None:
+        face = robot.face_under() if samples % LOOK_SAMPLES == 0 else None
+    for one in (strict, face):
+        if one is not None and one != faces[-1]:
+            faces.append(one)
+    return face
+
+
 def alone(model, course, actuators=None, strength=1.0):
     """One robot, sample by sample, with the actuators' own `step`; goes on by what it sees of the robot."""
     e, reach = model.elements, model.elements.strut_gain * model.elements.strut_speed_m_s * SAMPLE_S
@@ -61,11 +72,8 @@ def alone(model, course, actuators=None, strength=1.0):
             samples += 1
             if actuators is None:
                 driven += robot.rest_lengths_m() != goal
-            face = robot.footing().face
-            if face is not None and face != faces[-1]:
-                faces.append(face)
-            looks = stage.seen_s is None or samples % LOOK_SAMPLES == 0
-            if face == stage.onto and landed is None and looks:
+            face = seen(robot, stage, samples, faces)
+            if face == stage.onto and landed is None:
                 landed = samples
                 landings.append((samples, *robot.center_of_mass_m()[:2]))
             if stage.least_s is not None:

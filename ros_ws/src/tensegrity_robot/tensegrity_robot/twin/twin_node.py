@@ -281,7 +281,7 @@ class TwinNode(Node):
     def _state_message(self, header: Header) -> TwinState:
         message = conversions.twin_state(self._robot, header)
         message.robot_time_ns = self._now.robot_time_ns
-        message.face = self._robot.footing().face or ""
+        message.face = (self._robot.footing().face if self._at_rest else self._robot.face_under()) or ""
         message.at_rest = self._at_rest
         if self._alone is None:
             follower = self._follower
