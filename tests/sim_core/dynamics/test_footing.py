@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from sim_core.dynamics.footing import clearance_m, judge_footing
+from sim_core.dynamics.footing import FACE_JOINTS, FACE_NAMES, clearance_m, judge_footing, under
 from sim_core.dynamics.robot import Robot
 from sim_core.structure.topology import FACES, NODES
 
@@ -62,6 +62,30 @@ def test_the_projection_follows_gravity_on_a_slope(joints):
     sloped = judge_footing(joints, np.array([0.0, 0.0, 0.105]), forces, 0.01, tilted)
     assert level.face == "TC6"
     assert sloped.face is None
+
+
+def below(joints, center, down=DOWN):
+    face = under(joints, np.asarray(center, dtype=float), down, FACE_JOINTS)
+    return FACE_NAMES[face] if face >= 0 else None
+
+
+def test_in_motion_the_face_is_the_one_below_the_centre_whatever_carries(joints):
+    lifted = joints + (0.0, 0.0, 0.004)  # as in a bounce
+    assert below(joints, (0, 0, 0.1)) == below(lifted, (0, 0, 0.1)) == "TC6"
+    assert below(joints, (0.3, 0, 0.1)) is None, "it falls"
+    assert below(joints, (0, 0, 0.105), np.array([np.sin(0.6), 0.0, -np.cos(0.6)])) is None, "on a slope"
+
+
+def test_of_four_low_joints_the_centre_tells_the_face_and_a_high_one_is_on_none(joints):
+    a, b = sorted(set(FACES["TC6"]) & set(FACES["TO5"]))
+    (third,) = set(FACES["TO5"]) - {a, b}
+    edge = (joints[a] + joints[b])[:2] / 2
+    beyond = joints.copy()
+    beyond[third, :2], beyond[third, 2] = 2.5 * edge, joints[:, 2].min() + 0.005  # a fourth joint on the ground, past the edge
+    assert below(beyond, (0, 0, 0.1)) == "TC6"
+    assert below(beyond, (*(1.3 * edge), 0.1)) == "TO5"
+    beyond[third, 2] += 0.02
+    assert below(beyond, (*(1.3 * edge), 0.1)) is None, "it is still falling onto it"
 
 
 def test_clearance_of_the_ideal_shape_in_closed_form():
