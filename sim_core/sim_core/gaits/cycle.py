@@ -22,6 +22,9 @@ TURNS = tuple(face for face in NEIGHBOURS[NEXT_TC] if face != REFERENCE_TO)
 """The two TOs to which it may go on."""
 SPEED = "m_per_min_"
 """Before a turn in the names of a cycle's margins: how fast it goes straight on by that turn."""
+STRETCH, TWIST = "stretch", "twist_deg"
+"""Margins, of the nominal robot straight on: how far its rolls go over rolls from rest to rest, and by how much the first one, of
+the reference course, turns the robot more."""
 LONGEST_S = 60.0
 """Of a stage's times: more is a mistake."""
 

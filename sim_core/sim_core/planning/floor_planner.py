@@ -46,12 +46,23 @@ LEVEL: Lean = (0.0, 0.0)
 
 
 class Stride(NamedTuple):
-    """Two rolls of a chain, and what each of them costs: `ON_COST`, by how long it takes."""
+    """Two rolls of a chain.
 
-    rolls: tuple[Choice, Choice]
+    Attributes:
+        rolls: the surest gait of each.
+        cost: of each: `ON_COST`, by how long it takes.
+        stretch: how far each goes, over a roll from rest to rest.
+        twist_rad: by how much the first one turns the robot more than such a roll.
+    """
+
+    rolls: tuple[Choice, ...]
     cost: float = ON_COST
+    stretch: float = 1.0
+    twist_rad: float = 0.0
 
 
+PLAIN = Stride((), ROLL_COST)
+"""How a roll from rest to rest goes."""
 Strides = Mapping[tuple[str, str, str], Stride]
 """By (TO before the TC that it stands on, or "" at rest; this TC; the next TO)."""
 
@@ -127,11 +138,11 @@ class Floor:
         """Where the twelve joints of a stance are above, (12, 2)."""
         return np.asarray(_turned(self._joints[stance.face], stance.yaw_rad) + np.array((stance.x_m, stance.y_m)))
 
-    def rolled(self, stance: Stance, target: str) -> Stance:
-        """The stance after a roll onto an adjacent face. Raises KeyError: it is not adjacent."""
+    def rolled(self, stance: Stance, target: str, stretch: float = 1.0, twist_rad: float = 0.0) -> Stance:
+        """The stance after a roll onto an adjacent face, so much farther and more turned. Raises KeyError: it is not adjacent."""
         x, y, turn = self._moves[stance.face, target]
-        c, s = math.cos(stance.yaw_rad), math.sin(stance.yaw_rad)
-        yaw = math.remainder(stance.yaw_rad + turn, 2.0 * math.pi)
+        c, s = stretch * math.cos(stance.yaw_rad), stretch * math.sin(stance.yaw_rad)
+        yaw = math.remainder(stance.yaw_rad + turn + twist_rad, 2.0 * math.pi)
         return Stance(target, stance.x_m + c * x - s * y, stance.y_m + s * x + c * y, yaw)
 
     def _move(self, source: str, target: str) -> tuple[float, float, float]:
@@ -175,13 +186,14 @@ class Floor:
                 [(choice, climbs_deg(choice.gait)) for stride in strides.values() for choice in stride.rolls],
             ),
         )
+        longest_m = self.longest_m * max((stride.stretch for stride in strides.values()), default=1.0)
         surest = [(cost, max(choice.probability for choice, _ in ways), [deg for _, deg in ways]) for cost, ways in kinds if ways]
 
         def ahead(stance: Stance) -> float:
             left_m = stance.distance_m(goal_m)
             if left_m <= reach_m:
                 return 0.0
-            rolls = (left_m - reach_m) / self.longest_m
+            rolls = (left_m - reach_m) / longest_m
             x, y = (goal_m[0] - stance.x_m) / left_m, (goal_m[1] - stance.y_m) / left_m
             down, steepest = lean[0] * x + lean[1] * y, max if lean[0] * x + lean[1] * y < 0.0 else min
             return min((_least_cost(rolls, cost, sure, down / steepest(degs)) for cost, sure, degs in surest), default=0.0)
@@ -202,11 +214,11 @@ class Floor:
                 nearest = number
             if stance.distance_m(goal_m) <= reach_m:
                 return self._way(nodes, number, goal_m, reach_m)
-            moves = [([best[stance.face, target]], ROLL_COST) for target in NEIGHBOURS[stance.face]]
+            moves = [([best[stance.face, target]], PLAIN) for target in NEIGHBOURS[stance.face]]
             ways_on = (strides.get((before, stance.face, target)) for target in NEIGHBOURS[stance.face])
-            moves += [([[(choice, climbs_deg(choice.gait))] for choice in on.rolls], on.cost) for on in ways_on if on is not None]
-            for rolls, roll_cost in moves:
-                cost, made = self._moved(stance, costs[cell], rolls, roll_cost, lean, outside_m)
+            moves += [([[(choice, climbs_deg(choice.gait))] for choice in on.rolls], on) for on in ways_on if on is not None]
+            for rolls, how in moves:
+                cost, made = self._moved(stance, costs[cell], rolls, how, lean, outside_m)
                 if not made:
                     continue
                 on = len(made) > 1
@@ -225,7 +237,7 @@ class Floor:
         stance: Stance,
         cost: float,
         rolls: Sequence[Sequence[tuple[Choice, float]]],
-        roll_cost: float,
+        how: Stride,
         lean: Lean,
         outside_m: Callable[[Array], float] | None,
     ) -> tuple[float, list[tuple[Stance, Choice]]]:
@@ -237,12 +249,12 @@ class Floor:
             here, choice = max(likely, key=lambda one: one[0], default=(0.0, None))
             if here <= 0.0 or choice is None:
                 return cost, []
-            there = self.rolled(stance, choice.gait.target)
+            there = self.rolled(stance, choice.gait.target, how.stretch, 0.0 if made else how.twist_rad)
             if outside_m is not None:
                 out_m = outside_m(self.joints_m(there))
                 if out_m > (-EDGE_M if on else 0.0) and (on or out_m >= outside_m(self.joints_m(stance))):
                     return cost, []
-            cost, stance = cost + roll_cost - math.log(here), there
+            cost, stance = cost + how.cost - math.log(here), there
             made.append((there, choice._replace(probability=here)))
         return cost, made
 

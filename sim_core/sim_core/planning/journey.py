@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where to roll next on the way to a place on the floor, and when to give up. Knows no ROS and no clock."""
 
+import math
 from collections import Counter
 from itertools import product
 from typing import NamedTuple
 
 from sim_core.errors import SimError
 from sim_core.gaits.climb_limits import load_climbs, usual_deg
-from sim_core.gaits.cycle import SPEED, TURNS, Chain, Cycle, Switches, chain_of, turns_of
+from sim_core.gaits.cycle import SPEED, STRETCH, TURNS, TWIST, Chain, Cycle, Switches, chain_of, turns_of
 from sim_core.gaits.library import Gait, Library, Primitive
 from sim_core.gaits.success_counts import SuccessCounts
 from sim_core.planning.face_graph import Choice, FaceGraph
@@ -207,8 +208,8 @@ class Journey:
     def _believed_strides(self) -> Strides:
         believes = self._believes()
         return {
-            key: Stride((Choice(one, believes.probability(one)), Choice(other, believes.probability(other))), cost)
-            for key, (one, other, cost) in self._strides.items()
+            key: stride._replace(rolls=tuple(Choice(choice.gait, believes.probability(choice.gait)) for choice in stride.rolls))
+            for key, stride in self._strides.items()
         }
 
 
@@ -220,8 +221,8 @@ def _is_of_cycle(gait: Gait) -> bool:
     return gait.primitive.name.startswith(CYCLE)
 
 
-def _strides(cycle: Cycle) -> dict[tuple[str, str, str], tuple[Gait, Gait, float]]:
-    """The two rolls from a TC over a TO to the next TC as gaits, and their cost: from rest, and after the TO before it."""
+def _strides(cycle: Cycle) -> dict[tuple[str, str, str], Stride]:
+    """The two rolls from a TC over a TO to the next TC as gaits: from rest, and after the TO before it."""
     counted = cycle.turns or dict.fromkeys(TURNS, Switches(0, 0, 0, 0))
     # of what nobody counted no more is expected than of the surest gait
     success = {turn: 1.0 - counts.miss if counts.rolls else MOST_SURE for turn, counts in counted.items()}
@@ -246,7 +247,10 @@ def _strides(cycle: Cycle) -> dict[tuple[str, str, str], tuple[Gait, Gait, float
                 )
                 for source, roll in zip(faces, chain_of(cycle, faces), strict=False)
             )
-            found[before, tc, to] = one, other, costs[turn]
+            hand = 1.0 if CARRIERS[tc, to].proper else -1.0
+            twist_rad = hand * math.radians(cycle.margins.get(TWIST, 0.0)) if before == "" else 0.0
+            rolls = tuple(Choice(gait, success[turn]) for gait in (one, other))
+            found[before, tc, to] = Stride(rolls, costs[turn], cycle.margins.get(STRETCH, 1.0), twist_rad)
     return found
 
 

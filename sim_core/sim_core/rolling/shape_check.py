@@ -34,8 +34,8 @@ REST_SPEED_M_S = 0.003
 """Every joint slower than this is at rest: forces are then within 1 N of those at full rest."""
 FOLLOWS_M_S = 0.04
 """Every joint slower than this only follows struts that go along a path: forces are then within MARGIN_N of those at full rest."""
-MARGIN_N, MARGIN_M = 4.0, 0.001
-"""A shape that is so near to a limit, or in which a tendon hangs, is judged at rest."""
+MARGIN_N, MARGIN_M, MARGIN_SLACK = 4.0, 0.001, 3
+"""A shape that is so near to a limit is judged at rest."""
 LONGEST_S = 4.0
 SLACK_N = 0.01
 """A tendon that pulls less hangs."""
@@ -127,7 +127,8 @@ class ShapeJudge:
         """The shape as near to its equilibrium as its verdict needs."""
         shape = self._come_to(lengths_m, FOLLOWS_M_S)
         limits, largest_n = self.limits, float(np.abs(shape.forces_n).max())
-        if largest_n < limits.force_n - MARGIN_N and not shape.slack and shape.clearance_m > limits.clearance_m + MARGIN_M:
+        few = len(shape.slack) + MARGIN_SLACK <= limits.slack
+        if largest_n < limits.force_n - MARGIN_N and few and shape.clearance_m > limits.clearance_m + MARGIN_M:
             return shape
         return self._come_to(lengths_m, REST_SPEED_M_S)
 

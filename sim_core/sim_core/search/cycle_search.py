@@ -16,9 +16,12 @@ import numpy as np
 
 from sim_core.dynamics.actuators import ActuatorParameters, load_actuators
 from sim_core.dynamics.model import build_model
+from sim_core.dynamics.robot import Robot
 from sim_core.errors import ParameterError
-from sim_core.gaits.cycle import NEXT_TC, SPEED, TURNS, Cycle, CycleStage, Switches, chain_of, faces_of
+from sim_core.gaits.cycle import NEXT_TC, SPEED, STRETCH, TURNS, TWIST, Cycle, CycleStage, Switches, chain_of, faces_of
 from sim_core.gaits.library import Library, load_library
+from sim_core.planning.floor_planner import Floor
+from sim_core.rolling.batch import Batch
 from sim_core.rolling.course import LATENCY_S, Course, stages_of_chain
 from sim_core.search.genetic_search import CHUNK_JOBS, Progress
 from sim_core.structure.arrays import Array
@@ -305,7 +308,8 @@ class CycleSearch:
             for stage, own in zip(one.genes.cycle.stages, own_s, strict=True)
         )
         turns_counted = {turn: Switches(*map(int, rows)) for turn, rows in counts.items()}
-        return Cycle(name, (one_stage, other), turns_counted, one.margins)
+        cycle = Cycle(name, (one_stage, other), turns_counted, one.margins)
+        return replace(cycle, margins=dict(one.margins) | way_of(self.prototype, cycle))
 
     def _rolled(self, work: Sequence[tuple[Cycle, tuple[str, ...], WhichRobot]], actuators: ActuatorParameters | None) -> Trials:
         draws = tuple(dict.fromkeys(robot for _, _, robot in work))
@@ -316,6 +320,24 @@ class CycleSearch:
             jobs.append(Course(number[robot], REFERENCE_TC, stages_of_chain(rolls)))
         parts = [jobs[at : at + CHUNK_JOBS] for at in range(0, len(jobs), CHUNK_JOBS)]
         return joined(self._run([Chunk(self.prototype, draws, tuple(part), actuators=actuators) for part in parts]))
+
+
+def way_of(prototype: Prototype, cycle: Cycle) -> dict[str, float]:
+    """The margins STRETCH and TWIST of a cycle: straight on by either turn, against the footprints at rest."""
+    model = build_model(prototype)
+    floor, start = Floor(model), Robot.resting_on(model, REFERENCE_TC).joints_m()
+    ways = [faces_of(REFERENCE_TC, REFERENCE_TO, turns) for turns in STRAIGHT]
+    rolled = Batch([model]).run([Course(0, REFERENCE_TC, stages_of_chain(chain_of(cycle, faces))) for faces in ways])
+    told = []
+    for faces, found in zip(ways, rolled, strict=True):
+        stance = begin = floor.stance(REFERENCE_TC, start)
+        for face in faces[1:]:
+            stance = floor.rolled(stance, face)
+        told.append(complex(*found.travel_m) / complex(stance.x_m - begin.x_m, stance.y_m - begin.y_m))
+    return {
+        STRETCH: round(float(np.mean(np.abs(told))), 3),
+        TWIST: round(float(np.degrees(np.mean(np.angle(told)))), 1),
+    }
 
 
 def _merit(chains: Array, figures: Mapping[str, float]) -> float:

@@ -70,7 +70,7 @@ def below(joints, center, down=DOWN):
 
 
 def test_in_motion_the_face_is_the_one_below_the_centre_whatever_carries(joints):
-    lifted = joints + (0.0, 0.0, 0.004)  # as in a bounce
+    lifted = joints + np.array([0.0, 0.0, 0.004])  # as in a bounce
     assert below(joints, (0, 0, 0.1)) == below(lifted, (0, 0, 0.1)) == "TC6"
     assert below(joints, (0.3, 0, 0.1)) is None, "it falls"
     assert below(joints, (0, 0, 0.105), np.array([np.sin(0.6), 0.0, -np.cos(0.6)])) is None, "on a slope"

@@ -2,6 +2,7 @@
 """Shapes that the structure may take, and those it must not."""
 
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -9,6 +10,7 @@ import pytest
 from sim_core.gaits.library import LIBRARIES, load_library
 from sim_core.rolling.shape_check import ShapeJudge, ShapeLimits
 from sim_core.structure.parameters import load_prototype
+from sim_core.structure.policy import in_stages
 
 PROTOTYPE = load_prototype()
 MID_M = PROTOTYPE.strut_length_m
@@ -36,10 +38,10 @@ def test_neutral_is_permitted_and_under_even_load(judge):
 @pytest.mark.parametrize("library", sorted(path.stem for path in LIBRARIES.glob("*.yaml")))
 def test_every_shipped_policy_is_permitted_on_all_its_way_there_and_back(judge, library):
     for primitive in load_library(library).primitives:
-        furthest_mm = max(map(abs, primitive.policy))
-        there = [lengths(primitive.policy, mm / furthest_mm) for mm in range(furthest_mm + 1)]
-        for shape in [*there, *reversed(there)]:
-            assert judge(shape) is None, primitive.name
+        for start, end in pairwise([(0,) * 6, *in_stages(primitive.policy), (0,) * 6]):
+            furthest_mm = max(abs(b - a) for a, b in zip(start, end, strict=True))
+            for part in np.linspace(0.0, 1.0, furthest_mm + 1):
+                assert judge(lengths(np.array(start) + part * np.subtract(end, start))) is None, primitive.name
 
 
 @pytest.mark.parametrize("stroke_mm", [-40, -50])

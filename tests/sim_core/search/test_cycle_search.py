@@ -2,14 +2,20 @@
 """The search for cycles: it begins with pairs that roll, keeps what it found, and stops and goes on without a difference."""
 
 import json
+import math
 
 import pytest
 
+from sim_core.dynamics.robot import Robot
 from sim_core.errors import ParameterError
 from sim_core.files.yaml_reader import parse_yaml
-from sim_core.gaits.cycle import TURNS
+from sim_core.gaits.cycle import STRETCH, TURNS, TWIST, chain_of, faces_of
 from sim_core.gaits.library import library_text, load_library, parse_library
-from sim_core.search.cycle_search import TRAINED, CyclePlan, CycleSearch
+from sim_core.planning.floor_planner import Floor
+from sim_core.rolling.batch import Batch
+from sim_core.rolling.course import Course, stages_of_chain
+from sim_core.search.cycle_search import TRAINED, CyclePlan, CycleSearch, way_of
+from sim_core.structure.symmetry import CARRIERS
 from sim_core.studies.robustness import training_seeds
 
 SMALL = CyclePlan("small", offspring=6, generations=2, keep=1, elites=4, robots=3, choice=2)
@@ -36,6 +42,21 @@ def test_a_search_that_was_stopped_goes_on_as_if_it_had_not_been(prototype):
     assert whole.elites[0].merit > TRAINED
     assert parse_library(parse_yaml(library_text(library), "again"), "again").cycles == library.cycles
     assert {seed for pair in SMALL.seeds.values() for seed in pair} <= training_seeds(library)
+
+
+def test_the_shipped_cycles_ways_are_known_and_a_chain_ends_where_it_is_planned_to(model):
+    cycle = load_library("continuous").cycles[0]
+    way = way_of(model.prototype, cycle)
+    assert way == {STRETCH: cycle.margins[STRETCH], TWIST: cycle.margins[TWIST]}
+    faces, floor = faces_of("TC8", "TO7", (TURNS[0], TURNS[1], TURNS[1])), Floor(model)
+    begin = stance = floor.stance("TC8", Robot.resting_on(model, "TC8").joints_m())
+    hand = 1.0 if CARRIERS["TC8", "TO7"].proper else -1.0
+    for number, face in enumerate(faces[1:]):
+        stance = floor.rolled(stance, face, way[STRETCH], 0.0 if number else hand * math.radians(way[TWIST]))
+    (found,) = Batch([model]).run([Course(0, "TC8", stages_of_chain(chain_of(cycle, faces)))])
+    planned = stance.x_m - begin.x_m, stance.y_m - begin.y_m
+    assert math.dist(planned, found.travel_m) < 0.025
+    assert math.hypot(*found.travel_m) > 0.15
 
 
 def test_a_state_of_another_plan_is_refused(prototype):
