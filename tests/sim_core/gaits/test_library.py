@@ -7,7 +7,7 @@ import yaml
 
 from sim_core.errors import LibraryError
 from sim_core.gaits.library import gait_of, library_text, load_library, parse_library
-from sim_core.rolling.roll import roll
+from sim_core.rolling.batch import Job, roll_many
 from sim_core.structure.roll_classes import CLASSES, TC_TO, TO_TC, rolls_of
 
 
@@ -24,17 +24,15 @@ def test_the_shipped_library_belongs_to_the_shipped_model_and_has_three_of_each_
 
 
 def test_every_primitive_is_feasible_for_its_reference_pair(shipped, model):
-    for primitive in shipped.primitives:
-        source, target = primitive.roll_class
-        assert roll(model, source, target, primitive.policy).feasible
+    jobs = [Job(0, p.roll_class.source, p.policy, p.roll_class.target) for p in shipped.primitives]
+    assert all(result.feasible for result in roll_many([model], jobs))
 
 
 @pytest.mark.parametrize("roll_class", [TC_TO, TO_TC])
 def test_the_best_primitive_of_a_class_works_as_all_its_24_gaits(shipped, model, roll_class):
     primitive = next(p for p in shipped.primitives if p.roll_class is roll_class)
-    for source, target in rolls_of(roll_class):
-        gait = gait_of(primitive, source, target)
-        result = roll(model, source, target, gait.policy)
+    gaits = [gait_of(primitive, source, target) for source, target in rolls_of(roll_class)]
+    for gait, result in zip(gaits, roll_many([model], [Job(0, g.source, g.policy, g.target) for g in gaits]), strict=True):
         assert result.feasible, f"{gait.name}: {result.reason}"
 
 

@@ -202,6 +202,7 @@ def test_a_chain_that_misses_counts_what_it_made(floor, cyclic):
     assert trip.faces == [place.face for place in step.way.stances[:4]]
 
 
+@pytest.mark.slow
 def test_a_cycle_that_misses_again_and_again_is_believed_less_and_it_rolls_plainly(floor, cyclic):
     trip = journey(floor, cyclic, (1.0, 0.2))
     end, steps, _ = rolled_on(floor, trip, START, 24, lambda faces: (0, True) if len(faces) > 2 else (1, False))

@@ -52,6 +52,7 @@ def test_masses_weigh_what_they_weigh(model, previous):
     assert robot.ground_forces_n().sum() == pytest.approx(previous.weight_n, rel=1e-3)
 
 
+@pytest.mark.slow
 def test_at_the_end_of_a_relaxation_every_joint_is_in_equilibrium(previous):
     robot = Robot.resting_on(previous, "TO5")
     result = roll(robot.model, "TO5", None, (5, -8, 0, 3, -2, 7), start=robot)

@@ -57,6 +57,7 @@ def test_without_a_scheduler_work_is_done_here_and_dask_is_not_imported():
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 
+@pytest.mark.slow
 def test_a_lost_worker_loses_nothing_and_changes_no_bit(cluster, chunks, here):
     seen = []
     with dask_runner.connected(cluster.scheduler_address) as client:

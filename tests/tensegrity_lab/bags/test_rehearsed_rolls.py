@@ -30,6 +30,7 @@ from tests.sixstrut_cli.test_commands import sixstrut
 BAG = Path(__file__).parents[3] / "bags" / "example"
 
 
+@pytest.mark.slow
 def test_the_example_s_rolls_were_foretold_and_came(tmp_path):
     picture = tmp_path / "odds.png"
     result = sixstrut("odds", str(BAG), "--picture", str(picture), "--json")

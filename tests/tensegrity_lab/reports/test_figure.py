@@ -25,6 +25,7 @@ def drawn(path, **environ):
     return path.read_bytes()
 
 
+@pytest.mark.slow
 def test_a_picture_is_the_same_whatever_style_and_backend_the_user_has(tmp_path):
     plain = drawn(tmp_path / "plain.png")
     (tmp_path / "matplotlibrc").write_text("text.usetex: true\nfont.size: 40\nfigure.facecolor: black\nsavefig.dpi: 7\n")

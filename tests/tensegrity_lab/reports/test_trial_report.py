@@ -93,6 +93,7 @@ def recorded(bag, lines, definition=str):
     return bag
 
 
+@pytest.mark.slow
 @pytest.mark.ros
 def test_a_recording_of_rosbag2_with_the_trials_is_reported_as_the_session(bad, tmp_path):
     bag = recorded(tmp_path / "recorded", read_lines(bad.path / LEDGER)[0])
@@ -209,6 +210,7 @@ def chained(tmp_path_factory):
     return folder
 
 
+@pytest.mark.slow
 def test_chains_are_counted_whole_and_by_their_rolls_and_nowhere_else(chained, tmp_path):
     name = f"continuous {cyclic().hash[:4]} C1"  # the rolls are of another library
     result = sixstrut("report", str(chained.path), "-o", str(tmp_path))
