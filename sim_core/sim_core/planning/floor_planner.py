@@ -31,6 +31,8 @@ ROLL_COST = 0.02
 """What a sure roll costs beside its improbability, as −log: of equally likely routes the shorter one."""
 ON_COST = 0.006
 """Likewise of a roll of a chain, which needs about a third of the time."""
+START_COST = 0.01
+"""Of each of a chain's first two rolls, beside that: it begins and ends at rest, in neutral."""
 EDGE_M = 0.02
 """Chains are planned so far inside of the keep-in area: it is judged again from where the robot is found."""
 CELL_M, CELL_RAD = 0.01, math.radians(10.0)
@@ -61,8 +63,8 @@ class Stride(NamedTuple):
     twist_rad: float = 0.0
 
 
-PLAIN = Stride((), ROLL_COST)
-"""How a roll from rest to rest goes."""
+PLAIN, PLAIN_BESIDE_CHAINS = Stride((), ROLL_COST), Stride((), 4.0 * ROLL_COST)
+"""How a roll from rest to rest goes; where chains are possible its time counts, four times that of one of theirs."""
 Strides = Mapping[tuple[str, str, str], Stride]
 """By (TO before the TC that it stands on, or "" at rest; this TC; the next TO)."""
 
@@ -179,8 +181,9 @@ class Floor:
             LibraryError: the library has no gait from there.
         """
         best = {pair: _undominated(graph.choices(*pair), climbs_deg, lean) for pair in self._moves}
+        plain = PLAIN_BESIDE_CHAINS if strides else PLAIN
         kinds = (
-            (ROLL_COST, [one for ones in best.values() for one in ones]),
+            (plain.cost, [one for ones in best.values() for one in ones]),
             (
                 min((stride.cost for stride in strides.values()), default=ON_COST),
                 [(choice, climbs_deg(choice.gait)) for stride in strides.values() for choice in stride.rolls],
@@ -214,7 +217,7 @@ class Floor:
                 nearest = number
             if stance.distance_m(goal_m) <= reach_m:
                 return self._way(nodes, number, goal_m, reach_m)
-            moves = [([best[stance.face, target]], PLAIN) for target in NEIGHBOURS[stance.face]]
+            moves = [([best[stance.face, target]], plain) for target in NEIGHBOURS[stance.face]]
             ways_on = (strides.get((before, stance.face, target)) for target in NEIGHBOURS[stance.face])
             moves += [([[(choice, climbs_deg(choice.gait))] for choice in on.rolls], on) for on in ways_on if on is not None]
             for rolls, how in moves:

@@ -12,7 +12,7 @@ from sim_core.gaits.cycle import SPEED, STRETCH, TURNS, TWIST, Chain, Cycle, Swi
 from sim_core.gaits.library import Gait, Library, Primitive
 from sim_core.gaits.success_counts import SuccessCounts
 from sim_core.planning.face_graph import Choice, FaceGraph
-from sim_core.planning.floor_planner import ON_COST, Floor, Stance, Stride, Strides, Way
+from sim_core.planning.floor_planner import ON_COST, START_COST, Floor, Stance, Stride, Strides, Way
 from sim_core.planning.keep_in import KeepIn
 from sim_core.planning.travel_learning import MOST_SURE, Experience
 from sim_core.structure.roll_classes import class_of
@@ -23,6 +23,8 @@ MOST_MISSES = 10
 """So many rolls in a row that end elsewhere are enough."""
 MOST_CHAINS_MISSED = 3
 """After so many chains in a row that missed, a travel goes on by plain rolls."""
+STRAYS_M, LAST_CHAIN_M = 0.6, 0.3
+"""Robots differ by some per cent in how far their chains go: from as far or farther one leads so near, and the next one there."""
 LEAST_PROBABILITY, PATIENCE = 0.01, 3
 """A roll that is believed less than this is not worth the actuators' wear, after so many in a row that ended elsewhere."""
 EVERY_GAIT_ALIKE, A_TRIFLE = 0.9, 1e-6
@@ -133,6 +135,8 @@ class Journey:
         strides = self._believed_strides() if longest else {}
         outside_m = self.area.outside_m if self.area is not None else None
         lean, reach_m = self._experience.lean, self._rules.reach_m
+        if strides and self.left_m >= STRAYS_M:
+            reach_m = max(reach_m, LAST_CHAIN_M)
         left = f"{100 * self.left_m:.0f} cm from the goal"
         try:
             way = self._floor.way(stance, self._goal_m, self._graph, reach_m, lean, self._climbs_deg, strides, outside_m)
@@ -229,7 +233,7 @@ def _strides(cycle: Cycle) -> dict[tuple[str, str, str], Stride]:
     success[""] = max(success.values())  # from rest it has not turned yet
     speed = {turn: cycle.margins.get(SPEED + turn, 1.0) for turn in counted}
     fastest = max(speed.values())
-    costs = {"": ON_COST} | {turn: ON_COST * fastest / speed[turn] for turn in speed}
+    costs = {"": ON_COST + START_COST} | {turn: ON_COST * fastest / speed[turn] for turn in speed}
     found = {}
     for tc in (face for face in FACES if face.startswith("TC")):
         for before, to in product(("", *NEIGHBOURS[tc]), NEIGHBOURS[tc]):
