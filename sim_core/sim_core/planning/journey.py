@@ -25,6 +25,8 @@ MOST_CHAINS_MISSED = 3
 """After so many chains in a row that missed, a travel goes on by plain rolls."""
 STRAYS_M, LAST_CHAIN_M = 0.6, 0.3
 """Robots differ by some per cent in how far their chains go: from as far or farther one leads so near, and the next one there."""
+CHAINS_THERE = 2
+"""After so many chains from near the goal it goes on by plain rolls, which go as far as planned."""
 LEAST_PROBABILITY, PATIENCE = 0.01, 3
 """A roll that is believed less than this is not worth the actuators' wear, after so many in a row that ended elsewhere."""
 EVERY_GAIT_ALIKE, A_TRIFLE = 0.9, 1e-6
@@ -111,7 +113,7 @@ class Journey:
         self._experience = Experience(before, climbs_deg)
         self._tried: Counter[str] = Counter()
         self._graph = self._believed()
-        self._vain = self._chains_missed = 0
+        self._vain = self._chains_missed = self._near = 0
         self._stance: Stance | None = None
         self.rolls = self.chained = self.missed = self.refused = 0
         self.faces: list[str] = []
@@ -129,7 +131,8 @@ class Journey:
         self._come_to(stance)
         if end := self._end():
             return end
-        if self._vain or self._chains_missed >= MOST_CHAINS_MISSED:
+        self._near += self.left_m < LAST_CHAIN_M
+        if self._vain or self._chains_missed >= MOST_CHAINS_MISSED or self._near > CHAINS_THERE:
             longest = 0  # after a miss a plain roll tells whether it was the cycle or the ground
         longest = min(longest, self._rules.most_rolls - self.rolls - self.refused) // 2 * 2
         strides = self._believed_strides() if longest else {}

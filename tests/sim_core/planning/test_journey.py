@@ -174,6 +174,28 @@ def test_where_the_library_has_a_cycle_it_rolls_on_from_a_tc_to_the_goal(floor, 
     assert trip.path_m >= trip.straight_m - trip.left_m
 
 
+@pytest.mark.parametrize("stray", [0.94, 1.06])
+@pytest.mark.parametrize("angle_deg", [0, 75, 140, 250])
+def test_a_robot_whose_chains_go_farther_or_less_far_looks_again_near_the_goal_and_hits_it(floor, stray, angle_deg):
+    library, at = load_library("continuous"), math.radians(angle_deg)
+    goal = math.cos(at), math.sin(at)
+    trip = Journey(floor, library, load_success_counts(library), goal, TravelRules(0.08, 60))
+    stance, legs = START, []
+    while isinstance(found := trip.look(stance, 24), Step):
+        rolls = len(found.gait.faces) - 1 if isinstance(found.gait, Chain) else 1
+        legs.append(rolls)
+        planned = found.way.stances[rolls]
+        moved = stray if rolls > 1 else 1.0
+        stance = planned._replace(
+            x_m=stance.x_m + moved * (planned.x_m - stance.x_m), y_m=stance.y_m + moved * (planned.y_m - stance.y_m)
+        )
+        trip.rolled(found, rolls, False)
+    assert found.success, found.reason
+    assert legs[0] >= 10, "most of the way is one chain"
+    assert sum(legs) <= 26
+    assert len(legs) <= 4
+
+
 def test_from_a_to_one_plain_roll_comes_first(floor, cyclic):
     trip = journey(floor, cyclic, (1.0, 0.2))
     _, steps, _ = rolled_on(floor, trip, Stance("TO5", 0.0, 0.0, 0.0), 24)
