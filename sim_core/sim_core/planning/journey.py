@@ -25,8 +25,8 @@ MOST_CHAINS_MISSED = 3
 """After so many chains in a row that missed, a travel goes on by plain rolls."""
 STRAYS_M, LAST_CHAIN_M = 0.6, 0.3
 """Robots differ by some per cent in how far their chains go: from as far or farther one leads so near, and the next one there."""
-CHAINS_THERE = 2
-"""After so many chains from near the goal it goes on by plain rolls, which go as far as planned."""
+NEAR_TRIES = 2
+"""From near the goal it tries so often to hit it by chains, then three times so by plain rolls: each alone may go in circles."""
 LEAST_PROBABILITY, PATIENCE = 0.01, 3
 """A roll that is believed less than this is not worth the actuators' wear, after so many in a row that ended elsewhere."""
 EVERY_GAIT_ALIKE, A_TRIFLE = 0.9, 1e-6
@@ -132,7 +132,7 @@ class Journey:
         if end := self._end():
             return end
         self._near += self.left_m < LAST_CHAIN_M
-        if self._vain or self._chains_missed >= MOST_CHAINS_MISSED or self._near > CHAINS_THERE:
+        if self._vain or self._chains_missed >= MOST_CHAINS_MISSED or self._near % (4 * NEAR_TRIES) > NEAR_TRIES:
             longest = 0  # after a miss a plain roll tells whether it was the cycle or the ground
         longest = min(longest, self._rules.most_rolls - self.rolls - self.refused) // 2 * 2
         strides = self._believed_strides() if longest else {}
