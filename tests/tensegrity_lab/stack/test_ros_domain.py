@@ -13,9 +13,33 @@ import pytest
 from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack import ros_domain as module
 from tensegrity_lab.stack.processes import Stack
-from tensegrity_lab.stack.ros_domain import DRAWN, FIRST_PORT, HIGHEST, PORTS, WIDER, private_domain, robot_domain
+from tensegrity_lab.stack.ros_domain import (
+    DRAWN,
+    FIRST_PORT,
+    HIGHEST,
+    HIGHEST_OF_DDS,
+    PORTS,
+    WIDER,
+    private_domain,
+    robot_domain,
+)
 from tests.hardware_bridge.strangers import needs_root, stranger
 from tests.isolated_stack import free_domain
+
+
+NOBODYS = range(110, 200)
+"""Locks beyond those that tests and stacks beside this one draw: nobody takes one of them between two of our steps."""
+
+
+@pytest.fixture
+def undisturbed(monkeypatch: pytest.MonkeyPatch, worker_id: str) -> range:
+    """Domains of this process alone, drawn instead of the usual ones. They are locked here, and nobody joins them."""
+    first = NOBODYS[10 * (int(worker_id.removeprefix("gw")) % 9 if worker_id != "master" else 0)]
+    own = range(first, first + 4)
+    monkeypatch.setattr(module, "DRAWN", own)
+    monkeypatch.setattr(module, "HIGHEST", HIGHEST_OF_DDS)
+    monkeypatch.setattr(module, "_inhabited", set)
+    return own
 
 
 @pytest.mark.parametrize("exported", [None, "", "0", "57", "lab", "-3", "9999"])
@@ -41,15 +65,15 @@ def test_it_stays_on_this_machine_whatever_the_shell_exports(monkeypatch: pytest
     assert {os.environ[name] for name in WIDER} == {"something of the lab's"}
 
 
-def test_no_two_have_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "DRAWN", range(90, 94))
-    monkeypatch.setattr(module, "_inhabited", set)
+def test_no_two_have_the_same(undisturbed: range) -> None:
     with ExitStack() as stack:
-        assert len({stack.enter_context(free_domain()) for _ in range(4)}) == 4
-        with pytest.raises(StackError, match="every ROS domain from 90 to 93 is in use"), free_domain():
+        assert {stack.enter_context(free_domain()) for _ in undisturbed} == set(undisturbed)
+        first, *_, last = undisturbed
+        with pytest.raises(StackError, match=f"every ROS domain from {first} to {last} is in use"), free_domain():
             pass
 
 
+@pytest.mark.usefixtures("undisturbed")
 def test_an_explicit_one_is_taken_if_it_is_free() -> None:
     with ExitStack() as stack:
         number = stack.enter_context(free_domain())
@@ -57,6 +81,9 @@ def test_an_explicit_one_is_taken_if_it_is_free() -> None:
             stack.enter_context(private_domain(number))
     with private_domain(number) as own:
         assert own.number == number
+
+
+def test_what_is_no_domain_is_refused() -> None:
     for wrong in (-1, HIGHEST + 1):
         with pytest.raises(StackError, match="valid is 0 to 101"), private_domain(wrong):
             pass
@@ -72,6 +99,7 @@ def test_one_where_somebody_is_already_is_not_drawn(monkeypatch: pytest.MonkeyPa
             assert drawn == other
 
 
+@pytest.mark.usefixtures("undisturbed")
 def test_it_is_locked_as_long_as_a_process_of_its_stack_lives(tmp_path: Path) -> None:
     with private_domain() as own:
         stack = Stack(tmp_path, *own.locks)
@@ -83,10 +111,11 @@ def test_it_is_locked_as_long_as_a_process_of_its_stack_lives(tmp_path: Path) ->
         pass
 
 
-def test_the_lock_of_a_killed_process_is_gone() -> None:
+def test_the_lock_of_a_killed_process_is_gone(undisturbed: range) -> None:
     code = (
-        "from tensegrity_lab.stack.ros_domain import private_domain\n"
-        "with private_domain() as own: print(own.number, flush=True); input()"
+        "from tensegrity_lab.stack import ros_domain as module\n"
+        f"module.HIGHEST, module._inhabited = {HIGHEST_OF_DDS}, set\n"
+        f"with module.private_domain({undisturbed[0]}) as own: print(own.number, flush=True); input()"
     )
     with subprocess.Popen([sys.executable, "-c", code], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as child:
         assert child.stdout is not None
@@ -100,6 +129,7 @@ def test_the_lock_of_a_killed_process_is_gone() -> None:
 
 
 @needs_root
+@pytest.mark.usefixtures("undisturbed")
 def test_another_users_stack_has_its_domain_to_itself() -> None:
     with free_domain() as number:
         pass
