@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Ways over the floor: where each roll takes the robot, and the likeliest sequence of rolls to a goal.
 
-Standing at rest on a face, the robot turns over an edge of its base onto the neighbour: the two nodes of that edge stay where
-they are. So a *stance* (face, heading, place) and an edge give the next stance, from the shape at rest alone.
+Standing at rest on a face, the robot turns over an edge of its base onto the neighbour. Were the two nodes of that edge to stay
+where they are, a *stance* (face, heading, place) and an edge would give the next stance, from the shape at rest alone. By how
+much a gait's roll goes farther, aside and turns more is a *shift*, the same for all 24 gaits of a primitive but for its hand.
 """
 
+import cmath
 import heapq
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -16,13 +18,16 @@ import numpy as np
 
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import Robot
-from sim_core.errors import LibraryError
+from sim_core.errors import LibraryError, SimError
 from sim_core.gaits.climb_limits import usual_deg
+from sim_core.gaits.cycle import STRETCH, TWIST, Cycle
 from sim_core.gaits.library import Gait
 from sim_core.planning.face_graph import Choice, FaceGraph
+from sim_core.rolling.roll import roll
 from sim_core.structure.arrays import Array
-from sim_core.structure.roll_classes import TC_TO, TO_TC
-from sim_core.structure.symmetry import GROUP
+from sim_core.structure.policy import Policy
+from sim_core.structure.roll_classes import TC_TO, TO_TC, RollClass
+from sim_core.structure.symmetry import CARRIERS, GROUP
 from sim_core.structure.topology import FACES, NEIGHBOURS, require_face
 
 REACH_M = 0.08
@@ -33,11 +38,13 @@ ON_COST = 0.006
 """Likewise of a roll of a chain, which needs about a third of the time."""
 START_COST = 0.01
 """Of each of a chain's first two rolls, beside that: it begins and ends at rest, in neutral."""
+BACK_COST = 10.0 * ROLL_COST
+"""Of a roll straight back, beside that: to and fro it creeps by the difference of two shifts, which no two robots have alike."""
 EDGE_M = 0.02
 """Chains are planned so far inside of the keep-in area: it is judged again from where the robot is found."""
-CELL_M, CELL_RAD = 0.01, math.radians(10.0)
+CELL_M, CELL_RAD = 0.02, math.radians(15.0)
 """Stances nearer than this to each other are taken for one."""
-MOST_STANCES, MOST_STRIDING = 50_000, 15_000
+MOST_STANCES, MOST_STRIDING = 30_000, 15_000
 """Of a search for a way; chains make it wider."""
 TACKS = (1.0, 1.25, 1.5, 2.0, 3.0)
 """How much longer than straight a way uphill is thought of being."""
@@ -47,22 +54,47 @@ degrees, is likelier than on level ground by lean·u/s logits."""
 LEVEL: Lean = (0.0, 0.0)
 
 
+class Shift(NamedTuple):
+    """By how much a roll ends elsewhere than a turn over the edge does.
+
+    Attributes:
+        stretch: how far it goes, over that.
+        veer_rad: how much more to the left it goes.
+        twist_rad: how much more to the left it turns the robot.
+    """
+
+    stretch: float = 1.0
+    veer_rad: float = 0.0
+    twist_rad: float = 0.0
+
+    def mirrored(self) -> "Shift":
+        """The same roll in a mirror."""
+        return Shift(self.stretch, -self.veer_rad, -self.twist_rad)
+
+
+def chain_shifts(cycle: Cycle, faces: Sequence[str]) -> tuple[Shift, ...]:
+    """Where each roll of a chain over these faces ends, from rest on the first: by the cycle's margins STRETCH and TWIST."""
+    hand = 1.0 if CARRIERS[faces[0], faces[1]].proper else -1.0
+    on = Shift(cycle.margins.get(STRETCH, 1.0))
+    first = on._replace(twist_rad=hand * math.radians(cycle.margins.get(TWIST, 0.0)))
+    return first, *(on for _ in faces[2:])
+
+
 class Stride(NamedTuple):
     """Two rolls of a chain.
 
     Attributes:
         rolls: the surest gait of each.
         cost: of each: `ON_COST`, by how long it takes.
-        stretch: how far each goes, over a roll from rest to rest.
-        twist_rad: by how much the first one turns the robot more than such a roll.
+        shifts: where each ends; empty: where its gait does from rest to rest.
     """
 
     rolls: tuple[Choice, ...]
     cost: float = ON_COST
-    stretch: float = 1.0
-    twist_rad: float = 0.0
+    shifts: tuple[Shift, ...] = ()
 
 
+NO_SHIFT = Shift()
 PLAIN, PLAIN_BESIDE_CHAINS = Stride((), ROLL_COST), Stride((), 4.0 * ROLL_COST)
 """How a roll from rest to rest goes; where chains are possible its time counts, four times that of one of theirs."""
 Strides = Mapping[tuple[str, str, str], Stride]
@@ -86,6 +118,10 @@ class Stance(NamedTuple):
     def distance_m(self, goal_m: tuple[float, float]) -> float:
         """Distance from a place on the floor."""
         return math.hypot(goal_m[0] - self.x_m, goal_m[1] - self.y_m)
+
+    def heading_rad(self, other: "Stance") -> float:
+        """Direction on the floor of the way to another stance."""
+        return math.atan2(other.y_m - self.y_m, other.x_m - self.x_m)
 
 
 class Way(NamedTuple):
@@ -122,6 +158,7 @@ class Floor:
 
     def __init__(self, model: Model):
         """Settle the robot on a face of either kind; the others' footprints are theirs, relabelled."""
+        self._model, self._shifts = model, dict[tuple[str, Policy], Shift]()
         settled = {face: _centred(Robot.resting_on(model, face).joints_m()) for face in (TC_TO.source, TO_TC.source)}
         self._joints: Mapping[str, Array] = {face: _relabelled(settled, model, face) for face in FACES}
         self._moves = {(source, target): self._move(source, target) for source, targets in NEIGHBOURS.items() for target in targets}
@@ -140,12 +177,34 @@ class Floor:
         """Where the twelve joints of a stance are above, (12, 2)."""
         return np.asarray(_turned(self._joints[stance.face], stance.yaw_rad) + np.array((stance.x_m, stance.y_m)))
 
-    def rolled(self, stance: Stance, target: str, stretch: float = 1.0, twist_rad: float = 0.0) -> Stance:
-        """The stance after a roll onto an adjacent face, so much farther and more turned. Raises KeyError: it is not adjacent."""
+    def rolled(self, stance: Stance, target: str, shift: Shift = NO_SHIFT) -> Stance:
+        """The stance after a roll onto an adjacent face. Raises KeyError: it is not adjacent."""
         x, y, turn = self._moves[stance.face, target]
-        c, s = stretch * math.cos(stance.yaw_rad), stretch * math.sin(stance.yaw_rad)
-        yaw = math.remainder(stance.yaw_rad + turn + twist_rad, 2.0 * math.pi)
+        angle = stance.yaw_rad + shift.veer_rad
+        c, s = shift.stretch * math.cos(angle), shift.stretch * math.sin(angle)
+        yaw = math.remainder(stance.yaw_rad + turn + shift.twist_rad, 2.0 * math.pi)
         return Stance(target, stance.x_m + c * x - s * y, stance.y_m + s * x + c * y, yaw)
+
+    def shift(self, gait: Gait) -> Shift:
+        """Where a gait's roll ends, from rest to rest: its primitive is rolled once (30 ms), which is kept."""
+        roll_class, policy = gait.primitive.roll_class, gait.primitive.policy
+        key = roll_class.source, policy
+        if key not in self._shifts:
+            self._shifts[key] = self._rolled_once(roll_class, policy)
+        return self._shifts[key] if gait.proper else self._shifts[key].mirrored()
+
+    def _rolled_once(self, roll_class: RollClass, policy: Policy) -> Shift:
+        robot = Robot.resting_on(self._model, roll_class.source)
+        start = self.stance(roll_class.source, robot.joints_m())
+        try:
+            if not roll(self._model, roll_class.source, roll_class.target, policy, start=robot).feasible:
+                return NO_SHIFT
+        except SimError:
+            return NO_SHIFT
+        turned, ended = self.rolled(start, roll_class.target), self.stance(roll_class.target, robot.joints_m())
+        went, over = (complex(place.x_m - start.x_m, place.y_m - start.y_m) for place in (ended, turned))
+        twist_rad = math.remainder(ended.yaw_rad - turned.yaw_rad, 2.0 * math.pi)
+        return Shift(abs(went / over), cmath.phase(went / over), twist_rad)
 
     def _move(self, source: str, target: str) -> tuple[float, float, float]:
         """Shift of the centre and turn, seen from the source's attitude: the common edge stays."""
@@ -154,11 +213,6 @@ class Floor:
         turn = math.remainder(_heading(a) - _heading(b), 2.0 * math.pi)
         shift = a.mean(axis=0) - _turned(b, turn).mean(axis=0)
         return float(shift[0]), float(shift[1]), turn
-
-    def heading_rad(self, stance: Stance, target: str) -> float:
-        """Direction on the floor of a roll onto an adjacent face. Raises KeyError: it is not adjacent."""
-        x, y, _ = self._moves[stance.face, target]
-        return stance.yaw_rad + math.atan2(y, x)
 
     def way(
         self,
@@ -170,16 +224,19 @@ class Floor:
         climbs_deg: Callable[[Gait], float] = usual_deg,
         strides: Strides = MappingProxyType({}),
         outside_m: Callable[[Array], float] | None = None,
+        shifted: bool = True,
     ) -> Way:
         """The likeliest rolls to within `reach_m` of a goal (A* over stances, by −log of their probability and length).
 
-        If none of MOST_STANCES looked at is that near, the way to the nearest one. On ground that leans, a gait that climbs steeper
-        (`climbs_deg`) is preferred uphill. `strides`: what a cycle rolls on by. `outside_m`: how far joints, (12, 2), are outside
-        of where the robot may be: no roll leads there, or farther there.
+        If none of MOST_STANCES looked at is that near, it looks once more without shifts, where stances come again and are fewer;
+        and then the way to the nearest one. On ground that leans, a gait that climbs steeper (`climbs_deg`) is preferred uphill.
+        `strides`: what a cycle rolls on by. `outside_m`: how far joints, (12, 2), are outside of where the robot may be: no roll
+        leads there, or farther there. `shifted`: see `Shift`; False: rolls from rest to rest are turns over the edge.
 
         Raises:
             LibraryError: the library has no gait from there.
         """
+        shift_of = self.shift if shifted else _unshifted
         best = {pair: _undominated(graph.choices(*pair), climbs_deg, lean) for pair in self._moves}
         plain = PLAIN_BESIDE_CHAINS if strides else PLAIN
         kinds = (
@@ -189,7 +246,9 @@ class Floor:
                 [(choice, climbs_deg(choice.gait)) for stride in strides.values() for choice in stride.rolls],
             ),
         )
-        longest_m = self.longest_m * max((stride.stretch for stride in strides.values()), default=1.0)
+        on_m = max((shift.stretch for stride in strides.values() for shift in stride.shifts), default=0.0)
+        plain_m = max((shift_of(choice.gait).stretch for ones in best.values() for choice, _ in ones), default=1.0)
+        longest_m = self.longest_m * max(on_m, plain_m)
         surest = [(cost, max(choice.probability for choice, _ in ways), [deg for _, deg in ways]) for cost, ways in kinds if ways]
 
         def ahead(stance: Stance) -> float:
@@ -208,7 +267,8 @@ class Floor:
         while queue and len(nodes) < (MOST_STRIDING if strides else MOST_STANCES):
             _, number = heapq.heappop(queue)
             stance = nodes[number].stance
-            before = nodes[nodes[number].before].stance.face if nodes[number].on else ""
+            from_face = nodes[nodes[number].before].stance.face if number else ""
+            before = from_face if nodes[number].on else ""
             cell = _cell(stance), before
             if cell in closed:
                 continue
@@ -221,10 +281,11 @@ class Floor:
             ways_on = (strides.get((before, stance.face, target)) for target in NEIGHBOURS[stance.face])
             moves += [([[(choice, climbs_deg(choice.gait))] for choice in on.rolls], on) for on in ways_on if on is not None]
             for rolls, how in moves:
-                cost, made = self._moved(stance, costs[cell], rolls, how, lean, outside_m)
+                cost, made = self._moved(stance, costs[cell], rolls, how, shift_of, lean, outside_m)
                 if not made:
                     continue
                 on = len(made) > 1
+                cost += BACK_COST * (made[0][0].face == from_face)
                 reached = _cell(made[-1][0]), made[0][0].face if on else ""
                 if cost < costs.get(reached, math.inf):
                     costs[reached] = cost
@@ -233,7 +294,11 @@ class Floor:
                     heapq.heappush(queue, (cost + ahead(made[-1][0]), len(nodes) - 1))
         if len(nodes) == 1:
             raise LibraryError(f"library {graph.library.name} has no gait from {start.face}")
-        return self._way(nodes, nearest, goal_m, reach_m)
+        found = self._way(nodes, nearest, goal_m, reach_m)
+        if not shifted:
+            return found
+        other = self.way(start, goal_m, graph, reach_m, lean, climbs_deg, strides, outside_m, shifted=False)
+        return min(found, other, key=lambda way: way.left_m)
 
     def _moved(
         self,
@@ -241,6 +306,7 @@ class Floor:
         cost: float,
         rolls: Sequence[Sequence[tuple[Choice, float]]],
         how: Stride,
+        shift_of: Callable[[Gait], Shift],
         lean: Lean,
         outside_m: Callable[[Array], float] | None,
     ) -> tuple[float, list[tuple[Stance, Choice]]]:
@@ -248,11 +314,13 @@ class Floor:
         made: list[tuple[Stance, Choice]] = []
         on = len(rolls) > 1
         for choices in rolls:
-            likely = [(self._likely(stance, choice, deg, lean), choice) for choice, deg in choices]
-            here, choice = max(likely, key=lambda one: one[0], default=(0.0, None))
+            likely = [
+                self._likely(stance, choice, deg, how.shifts[len(made)] if how.shifts else shift_of(choice.gait), lean)
+                for choice, deg in choices
+            ]
+            here, there, choice = max(likely, key=lambda one: one[0], default=(0.0, stance, None))
             if here <= 0.0 or choice is None:
                 return cost, []
-            there = self.rolled(stance, choice.gait.target, how.stretch, 0.0 if made else how.twist_rad)
             if outside_m is not None:
                 out_m = outside_m(self.joints_m(there))
                 if out_m > (-EDGE_M if on else 0.0) and (on or out_m >= outside_m(self.joints_m(stance))):
@@ -261,10 +329,12 @@ class Floor:
             made.append((there, choice._replace(probability=here)))
         return cost, made
 
-    def _likely(self, stance: Stance, choice: Choice, deg: float, lean: Lean) -> float:
-        """Probability of a gait that climbs so steep, where the ground leans."""
-        heading = self.heading_rad(stance, choice.gait.target)
-        return _leaned(choice.probability, (lean[0] * math.cos(heading) + lean[1] * math.sin(heading)) / deg)
+    def _likely(self, stance: Stance, choice: Choice, deg: float, shift: Shift, lean: Lean) -> tuple[float, Stance, Choice]:
+        """Probability of a gait that climbs so steep, where the ground leans, and where it leads."""
+        there = self.rolled(stance, choice.gait.target, shift)
+        heading = stance.heading_rad(there)
+        logits = (lean[0] * math.cos(heading) + lean[1] * math.sin(heading)) / deg
+        return _leaned(choice.probability, logits), there, choice
 
     def _way(self, nodes: list[_Node], end: int, goal_m: tuple[float, float], reach_m: float) -> Way:
         way, number = list[_Node](), end
@@ -277,6 +347,10 @@ class Floor:
         probability = math.prod(choice.probability for choice in reversed(choices))
         on = len(list(takewhile(lambda node: node.on, way[1:])))
         return Way(tuple(node.stance for node in way), choices, probability, left, left <= reach_m, on)
+
+
+def _unshifted(_: Gait) -> Shift:
+    return NO_SHIFT
 
 
 def _undominated(choices: Sequence[Choice], climbs_deg: Callable[[Gait], float], lean: Lean) -> list[tuple[Choice, float]]:

@@ -1,18 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where to roll next on the way to a place on the floor, and when to give up. Knows no ROS and no clock."""
 
-import math
 from collections import Counter
 from itertools import product
 from typing import NamedTuple
 
 from sim_core.errors import SimError
 from sim_core.gaits.climb_limits import load_climbs, usual_deg
-from sim_core.gaits.cycle import SPEED, STRETCH, TURNS, TWIST, Chain, Cycle, Switches, chain_of, turns_of
+from sim_core.gaits.cycle import SPEED, TURNS, Chain, Cycle, Switches, chain_of, turns_of
 from sim_core.gaits.library import Gait, Library, Primitive
 from sim_core.gaits.success_counts import SuccessCounts
 from sim_core.planning.face_graph import Choice, FaceGraph
-from sim_core.planning.floor_planner import ON_COST, START_COST, Floor, Stance, Stride, Strides, Way
+from sim_core.planning.floor_planner import ON_COST, START_COST, Floor, Stance, Stride, Strides, Way, chain_shifts
 from sim_core.planning.keep_in import KeepIn
 from sim_core.planning.travel_learning import MOST_SURE, Experience
 from sim_core.structure.roll_classes import class_of
@@ -202,7 +201,8 @@ class Journey:
         gait = step.way.choices[number].gait
         self._tried[gait.primitive.name] += 1
         if self._rules.use_probabilities:
-            self._experience.add(gait, self._floor.heading_rad(step.way.stances[number], gait.target), success)
+            before, there = step.way.stances[number : number + 2]
+            self._experience.add(gait, before.heading_rad(there), success)
         self._vain = 0 if success else self._vain + 1
         self._graph = self._believed()
 
@@ -254,10 +254,9 @@ def _strides(cycle: Cycle) -> dict[tuple[str, str, str], Stride]:
                 )
                 for source, roll in zip(faces, chain_of(cycle, faces), strict=False)
             )
-            hand = 1.0 if CARRIERS[tc, to].proper else -1.0
-            twist_rad = hand * math.radians(cycle.margins.get(TWIST, 0.0)) if before == "" else 0.0
             rolls = tuple(Choice(gait, success[turn]) for gait in (one, other))
-            found[before, tc, to] = Stride(rolls, costs[turn], cycle.margins.get(STRETCH, 1.0), twist_rad)
+            shifts = chain_shifts(cycle, faces)
+            found[before, tc, to] = Stride(rolls, costs[turn], shifts if before == "" else (shifts[1], shifts[1]))
     return found
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
 from sim_core.errors import ParameterError
-from sim_core.planning.floor_planner import Floor, Stance
+from sim_core.planning.floor_planner import Floor, Shift, Stance
 from sim_core.structure.arrays import Array
 
 MOST_CORNERS = 100
@@ -36,10 +36,10 @@ class KeepIn:
         """How far the outermost of points, (n, 2) or (n, 3), is outside; negative: how far all are inside."""
         return float((np.asarray(points_m)[..., :2] @ self._normals.T + self._offsets).max())
 
-    def leads_out(self, floor: Floor, stance: Stance, faces: Sequence[str]) -> str:
-        """Onto which of these faces, rolled one after the other, the robot would come out; empty: none."""
-        for face in faces:
-            stance = floor.rolled(stance, face)
+    def leads_out(self, floor: Floor, stance: Stance, faces: Sequence[str], shifts: Sequence[Shift]) -> str:
+        """Onto which of these faces, rolled one after the other with these shifts, the robot would come out; empty: none."""
+        for face, shift in zip(faces, shifts, strict=True):
+            stance = floor.rolled(stance, face, shift)
             if self.outside_m(floor.joints_m(stance)) > 0.0:
                 return face
         return ""

@@ -35,20 +35,20 @@ def journey(floor, library, goal=(0.4, 0.1), most_rolls=40, **more):
     return Journey(floor, library, load_success_counts(library), goal, TravelRules(0.08, most_rolls, **more))
 
 
-def travelled(floor, trip, stance, works=lambda step: True):
+def travelled(trip, stance, works=lambda step: True):
     """Roll as it says; a roll that does not work leaves the robot where it is. Its end, and the steps."""
     steps = []
     while isinstance(found := trip.look(stance), Step):
         steps.append(found)
         won = works(found)
         trip.rolled(found, int(won), not won)
-        stance = floor.rolled(stance, found.gait.target) if won else stance
+        stance = found.way.stances[1] if won else stance
     return found, steps, stance
 
 
 def test_it_arrives_and_tells_rolls_faces_and_lengths(floor, library):
     trip = journey(floor, library)
-    end, steps, stance = travelled(floor, trip, START)
+    end, steps, stance = travelled(trip, START)
     assert end == JourneyEnd(True, end.reason)
     assert stance.distance_m((0.4, 0.1)) <= 0.08
     assert trip.rolls == len(steps) == len(trip.faces) - 1
@@ -70,7 +70,7 @@ def test_a_roll_that_ends_elsewhere_is_replanned_from_there(floor, library):
     then = trip.look(floor.rolled(START, other))
     assert then.gait.source == other
     assert trip.missed == 1
-    end, _, _ = travelled(floor, trip, floor.rolled(START, other))
+    end, _, _ = travelled(trip, floor.rolled(START, other))
     assert end.success
 
 
@@ -78,14 +78,14 @@ def test_a_gait_that_misses_is_believed_less_and_another_way_is_taken(floor, lib
     trip = journey(floor, library)
     first = trip.look(START)
     bad = (first.gait.source, first.gait.target)
-    end, steps, _ = travelled(floor, trip, START, lambda step: (step.gait.source, step.gait.target) != bad)
+    end, steps, _ = travelled(trip, START, lambda step: (step.gait.source, step.gait.target) != bad)
     assert end.success
     tried = [step.gait.name for step in steps if (step.gait.source, step.gait.target) == bad]
     assert 1 <= len(tried) <= 4, "not the same vain roll for ever"
 
 
 def test_it_gives_up_after_misses_in_a_row_and_says_so(floor, library):
-    end, steps, _ = travelled(floor, journey(floor, library), START, lambda step: False)
+    end, steps, _ = travelled(journey(floor, library), START, lambda step: False)
     assert not end.success
     assert len(steps) == MOST_MISSES
     assert f"the last {MOST_MISSES} rolls missed" in end.reason
@@ -94,21 +94,21 @@ def test_it_gives_up_after_misses_in_a_row_and_says_so(floor, library):
 
 @pytest.mark.slow
 def test_on_a_slope_it_arrives_for_all_its_misses_and_learns_where_downhill_is(floor, library):
-    rng = np.random.default_rng(1)
+    rng = np.random.default_rng(0)
 
     def works(step):
-        heading = floor.heading_rad(step.way.stances[0], step.gait.target)
+        heading = step.way.stances[0].heading_rad(step.way.stances[1])
         return rng.random() < 1.0 / (1.0 + math.exp(4.0 * math.cos(heading) - 2.0))  # straight uphill, along x: one of eight
 
     trip = journey(floor, library, (0.6, 0.0), most_rolls=100)
-    end, _, _ = travelled(floor, trip, START, works)
+    end, _, _ = travelled(trip, START, works)
     assert end.success, end.reason
     assert trip.missed >= 6
     assert trip._experience.lean[0] < -2.0
 
 
 def test_it_gives_up_after_the_rolls_that_were_asked_for(floor, library):
-    end, steps, _ = travelled(floor, journey(floor, library, (3.0, 0.0), most_rolls=3), START)
+    end, steps, _ = travelled(journey(floor, library, (3.0, 0.0), most_rolls=3), START)
     assert (end.success, len(steps)) == (False, 3)
     assert "most_rolls" in end.reason
 
@@ -150,7 +150,7 @@ def cyclic(library):
     return replace(library, cycles=(Cycle("C1", STAGES, COUNTED),))
 
 
-def rolled_on(floor, trip, stance, longest, works=lambda faces: (len(faces) - 1, False)):
+def rolled_on(trip, stance, longest, works=lambda faces: (len(faces) - 1, False)):
     """Roll as it says, `works` of a chain's faces: rolls that came onto theirs, and whether one missed then."""
     steps = []
     while isinstance(found := trip.look(stance, longest), Step):
@@ -158,14 +158,13 @@ def rolled_on(floor, trip, stance, longest, works=lambda faces: (len(faces) - 1,
         faces = found.gait.faces if isinstance(found.gait, Chain) else (found.gait.source, found.gait.target)
         done, missed = works(faces)
         trip.rolled(found, done, missed)
-        for face in faces[1 : 1 + done]:
-            stance = floor.rolled(stance, face)
+        stance = found.way.stances[done]
     return found, steps, stance
 
 
 def test_where_the_library_has_a_cycle_it_rolls_on_from_a_tc_to_the_goal(floor, cyclic):
     trip = journey(floor, cyclic, (1.0, 0.2))
-    end, steps, _ = rolled_on(floor, trip, START, 24)
+    end, steps, _ = rolled_on(trip, START, 24)
     assert end.success
     assert isinstance(steps[0].gait, Chain)
     assert steps[0].gait.rolls, "a cycle goes there"
@@ -198,7 +197,7 @@ def test_a_robot_whose_chains_go_farther_or_less_far_looks_again_near_the_goal_a
 
 def test_from_a_to_one_plain_roll_comes_first(floor, cyclic):
     trip = journey(floor, cyclic, (1.0, 0.2))
-    _, steps, _ = rolled_on(floor, trip, Stance("TO5", 0.0, 0.0, 0.0), 24)
+    _, steps, _ = rolled_on(trip, Stance("TO5", 0.0, 0.0, 0.0), 24)
     assert not isinstance(steps[0].gait, Chain)
     assert isinstance(steps[1].gait, Chain)
 
@@ -210,7 +209,7 @@ def test_a_chain_is_no_longer_than_what_is_permitted(floor, cyclic, longest, mos
 
 
 def test_the_rolls_that_were_asked_for_hold_for_chains_too(floor, cyclic):
-    end, _, _ = rolled_on(floor, trip := journey(floor, cyclic, (3.0, 0.0), most_rolls=7), START, 24)
+    end, _, _ = rolled_on(trip := journey(floor, cyclic, (3.0, 0.0), most_rolls=7), START, 24)
     assert (end.success, trip.rolls) == (False, 7)
 
 
@@ -227,7 +226,7 @@ def test_a_chain_that_misses_counts_what_it_made(floor, cyclic):
 @pytest.mark.slow
 def test_a_cycle_that_misses_again_and_again_is_believed_less_and_it_rolls_plainly(floor, cyclic):
     trip = journey(floor, cyclic, (1.0, 0.2))
-    end, steps, _ = rolled_on(floor, trip, START, 24, lambda faces: (0, True) if len(faces) > 2 else (1, False))
+    end, steps, _ = rolled_on(trip, START, 24, lambda faces: (0, True) if len(faces) > 2 else (1, False))
     assert end.success
     assert 1 <= trip.missed == sum(isinstance(step.gait, Chain) for step in steps) <= 3
 
@@ -255,7 +254,7 @@ def test_a_turn_that_often_misses_is_avoided_for_the_other_one(floor, cyclic):
     assert step.way.probability > 0.4
 
 
-@pytest.mark.parametrize(("longest", "low", "high"), [(0, -0.3, 0.26), (24, -0.13, 0.5)])
+@pytest.mark.parametrize(("longest", "low", "high"), [(0, -0.24, 0.3), (24, -0.13, 0.5)])
 def test_a_way_stays_in_the_area(floor, cyclic, longest, low, high):
     area = parsed_keep_in(f"-0.3 {low}, 1.4 -0.3, 1.4 {high}, -0.3 {high}")
     trip = Journey(floor, cyclic, load_success_counts(cyclic), (0.8, 0.0), TravelRules(0.08, 40), area)

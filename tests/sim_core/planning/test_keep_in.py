@@ -6,7 +6,7 @@ import pytest
 
 from sim_core.dynamics.model import build_model
 from sim_core.errors import ParameterError
-from sim_core.planning.floor_planner import Floor, Stance
+from sim_core.planning.floor_planner import NO_SHIFT, Floor, Shift, Stance
 from sim_core.planning.keep_in import parsed_keep_in
 from sim_core.structure.parameters import load_prototype
 
@@ -38,5 +38,8 @@ def test_the_face_onto_which_it_would_come_out_is_named():
     for last in (1, 2, 3, 4):
         hull = np.concatenate([floor.joints_m(place) for place in places[:last]])
         area = parsed_keep_in(", ".join(f"{x} {y}" for x, y in hull + 1e-6 * np.sign(hull - hull.mean(axis=0))))
-        assert area.leads_out(floor, start, faces[: last - 1]) == ""
-        assert area.leads_out(floor, start, faces) == faces[last - 1]
+        assert area.leads_out(floor, start, faces[: last - 1], [NO_SHIFT] * (last - 1)) == ""
+        assert area.leads_out(floor, start, faces, [NO_SHIFT] * 4) == faces[last - 1]
+    farther = parsed_keep_in(", ".join(f"{x} {y}" for x, y in np.concatenate([floor.joints_m(place) for place in places]) * 1.03))
+    assert farther.leads_out(floor, start, faces, [NO_SHIFT] * 4) == ""
+    assert farther.leads_out(floor, start, faces, [Shift(1.1)] * 4) == "TC3"

@@ -11,11 +11,10 @@ from sim_core.errors import ParameterError
 from sim_core.files.yaml_reader import parse_yaml
 from sim_core.gaits.cycle import STRETCH, TURNS, TWIST, chain_of, faces_of
 from sim_core.gaits.library import library_text, load_library, parse_library
-from sim_core.planning.floor_planner import Floor
+from sim_core.planning.floor_planner import Floor, chain_shifts
 from sim_core.rolling.batch import Batch
 from sim_core.rolling.course import Course, stages_of_chain
 from sim_core.search.cycle_search import TRAINED, CyclePlan, CycleSearch, way_of
-from sim_core.structure.symmetry import CARRIERS
 from sim_core.studies.robustness import training_seeds
 
 SMALL = CyclePlan("small", offspring=6, generations=2, keep=1, elites=4, robots=3, choice=2)
@@ -50,9 +49,8 @@ def test_the_shipped_cycles_ways_are_known_and_a_chain_ends_where_it_is_planned_
     assert way == {STRETCH: cycle.margins[STRETCH], TWIST: cycle.margins[TWIST]}
     faces, floor = faces_of("TC8", "TO7", (TURNS[0], TURNS[1], TURNS[1])), Floor(model)
     begin = stance = floor.stance("TC8", Robot.resting_on(model, "TC8").joints_m())
-    hand = 1.0 if CARRIERS["TC8", "TO7"].proper else -1.0
-    for number, face in enumerate(faces[1:]):
-        stance = floor.rolled(stance, face, way[STRETCH], 0.0 if number else hand * math.radians(way[TWIST]))
+    for face, shift in zip(faces[1:], chain_shifts(cycle, faces), strict=True):
+        stance = floor.rolled(stance, face, shift)
     (found,) = Batch([model]).run([Course(0, "TC8", stages_of_chain(chain_of(cycle, faces)))])
     planned = stance.x_m - begin.x_m, stance.y_m - begin.y_m
     assert math.dist(planned, found.travel_m) < 0.025

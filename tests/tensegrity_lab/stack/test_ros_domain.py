@@ -26,7 +26,6 @@ from tensegrity_lab.stack.ros_domain import (
 from tests.hardware_bridge.strangers import needs_root, stranger
 from tests.isolated_stack import free_domain
 
-
 NOBODYS = range(110, 200)
 """Locks beyond those that tests and stacks beside this one draw: nobody takes one of them between two of our steps."""
 

@@ -10,7 +10,7 @@ from sim_core.errors import RollRefused
 from sim_core.gaits.cycle import TURNS, Chain, faces_of
 from sim_core.gaits.library import load_library
 from sim_core.gaits.roll_sequence import Link, Move, Phase, RollPlan, RollRules, RollSequence, Seen, View
-from sim_core.planning.floor_planner import Floor, Stance
+from sim_core.planning.floor_planner import NO_SHIFT, Floor, Stance
 from sim_core.structure.parameters import load_prototype
 from tensegrity_robot.planner.chain_area import ChainArea
 
@@ -88,7 +88,7 @@ def test_it_ends_on_a_tc_from_where_the_next_rolls_lead_out(area, rolling, floor
     tc = LONG.faces[2]
     places = [Stance(tc, x / 20, y / 20, 0.0) for x in range(-10, 11) for y in range(-10, 11)]
     inside = [place for place in places if area._area.outside_m(floor.joints_m(place)) <= 0.0]
-    edge = next(place for place in inside if area._area.leads_out(floor, place, LONG.faces[3:5]))
+    edge = next(place for place in inside if area._area.leads_out(floor, place, LONG.faces[3:5], [NO_SHIFT] * 2))
     area.there(tc, edge.x_m, edge.y_m)
     landed = seen_on(tc, 3.0)
     assert area.watch(rolling, landed) is None, "it is not out yet"

@@ -10,7 +10,7 @@ from sim_core.dynamics.model import build_model
 from sim_core.errors import RollRefused
 from sim_core.gaits.cycle import Chain
 from sim_core.gaits.roll_sequence import Move, RollSequence, View
-from sim_core.planning.floor_planner import Floor
+from sim_core.planning.floor_planner import NO_SHIFT, Floor, chain_shifts
 from sim_core.planning.keep_in import parsed_keep_in
 from sim_core.structure.parameters import Prototype
 from tensegrity_robot.planner.told_joints import ToldJoints
@@ -25,6 +25,7 @@ class ChainArea:
         """Args: text: see `parsed_keep_in`. Raises ParameterError."""
         self._area = parsed_keep_in(text)
         self._floor = Floor(build_model(prototype)) if self._area is not None else None
+        self._rolling = NO_SHIFT
         self._joints = ToldJoints(node)
         topics.TWIN_JOINTS.subscribe(node, self._joints.predict)
         topics.OBSERVED_JOINTS.subscribe(node, self._joints.see)
@@ -45,7 +46,9 @@ class ChainArea:
             )
         if self._area.outside_m(joints) > 0.0:
             raise RollRefused("the robot is not inside of the keep-in area (keep_in): roll it in face by face")
-        out = self._area.leads_out(self._floor, self._floor.stance(chain.source, joints), chain.faces[1:])
+        shifts = chain_shifts(chain.cycle, chain.faces)
+        self._rolling = shifts[-1]
+        out = self._area.leads_out(self._floor, self._floor.stance(chain.source, joints), chain.faces[1:], shifts)
         if out:
             raise RollRefused(
                 f"on {out} of these faces the robot would leave the keep-in area (keep_in): roll a shorter chain, or turn"
@@ -63,7 +66,8 @@ class ChainArea:
             )
         known = view.observed if view.observer else view.predicted
         if known is not None and known.face == coming[0] and coming[0].startswith("TC"):
-            out = self._area.leads_out(self._floor, self._floor.stance(coming[0], joints), coming[1:3])
+            stance, on = self._floor.stance(coming[0], joints), coming[1:3]
+            out = self._area.leads_out(self._floor, stance, on, [self._rolling for _ in on])
             if out:
                 sequence.end_early(f"on {out} it would leave the keep-in area (keep_in)")
         return None
