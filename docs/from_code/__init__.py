@@ -7,6 +7,8 @@ A page is a function of the code alone, so a test can hold the committed pages t
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 
+from tensegrity_lab.reports import markdown
+
 NOTE = "*This page is written by `./sixstrut docs` from the code; do not edit it.*"
 
 
@@ -23,6 +25,5 @@ def pages() -> dict[str, Callable[[Path], str]]:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
-    """A Markdown table; bars and line breaks in cells are escaped."""
-    cells = [[cell.replace("|", "\\|").replace("\n", " ") for cell in row] for row in rows]
-    return [f"| {' | '.join(head)} |", "|---" * len(head) + "|", *(f"| {' | '.join(row)} |" for row in cells)]
+    """The lines of a Markdown table, all columns to the left."""
+    return markdown.table(head, rows, "l" * len(head)).splitlines()

@@ -146,16 +146,13 @@ def begin(state: Array, work: Array, record: Array, rules: Rules, drive: Drive, 
 @njit(cache=True)
 def see(state: Array, work: Array, record: Array, rules: Rules) -> tuple[int, int, float]:
     """Clearance and footing now, into the record; returns (bits, face, margin)."""
-    joints, forces = np.empty((12, 3)), np.empty(12)
+    joints, forces, box, center = np.empty((12, 3)), np.empty(12), np.empty(3), np.empty(3)
+    _where(state, rules, joints, center)
     for joint in range(12):
-        for axis in range(3):
-            joints[joint, axis] = state[joint * k.PARTICLE_ROWS + k.X + axis]
         forces[joint] = work[joint * k.WORK_ROWS + k.NORMAL]
-    box, center = np.empty(3), np.empty(3)
     for axis in range(3):
         box[axis] = state[(rules.particles - 1) * k.PARTICLE_ROWS + k.X + axis]
     record[CLEARANCE] = min(record[CLEARANCE], clearance(joints, box, rules.strut_ends, rules.strut_diameter_m, rules.box_radius_m))
-    center_of_mass(state, rules.mass, center)
     bits, face, margin = base(joints, center, forces, rules.carry_n, rules.down, rules.face_of_joints)
     seen = int(record[FACES_SEEN])
     if seen <= 1:
@@ -163,6 +160,15 @@ def see(state: Array, work: Array, record: Array, rules: Rules) -> tuple[int, in
         past_edges(joints, center, rules.down, corners, record[PAST_EDGES : PAST_EDGES + 3])
     _stood_on(record, face)
     return bits, face, margin
+
+
+@njit(cache=True)
+def _where(state: Array, rules: Rules, joints: Array, center: Array) -> None:
+    """The joints, (12, 3), and the centre of mass."""
+    for joint in range(12):
+        for axis in range(3):
+            joints[joint, axis] = state[joint * k.PARTICLE_ROWS + k.X + axis]
+    center_of_mass(state, rules.mass, center)
 
 
 @njit(cache=True)
@@ -225,10 +231,7 @@ def _look_in_motion(state: Array, record: Array, rules: Rules, struts: int, stag
     onto, waits = stages[stage, ONTO], stages[stage, SEEN] >= 0
     if record[SAMPLES] % LOOK_SAMPLES == 0:
         joints, center = np.empty((12, 3)), np.empty(3)
-        for joint in range(12):
-            for axis in range(3):
-                joints[joint, axis] = state[joint * k.PARTICLE_ROWS + k.X + axis]
-        center_of_mass(state, rules.mass, center)
+        _where(state, rules, joints, center)
         face = under(joints, center, rules.down, rules.face_joints)
         _stood_on(record, face)
     if record[LANDED] > 0:

@@ -580,7 +580,7 @@ class GaitPlannerNode(Node):
         elif not success and may_be_sent_again(reason) and roll.move is not None and roll.sends < MOST_SENDS:
             self._do(roll.move)
         elif not success and roll.sequence.phase is Phase.ROLL_ON and not self._trouble():
-            self._do(roll.sequence.give_up(f"the bridge ended the motion: {reason}"))
+            self._do(roll.sequence.give_up(f"the bridge ended the motion: {reason}", missed=False))
         elif not success:
             self._end_with(roll, f"the bridge ended the motion: {reason}")
         else:
