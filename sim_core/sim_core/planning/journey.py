@@ -22,7 +22,7 @@ MOST_MISSES = 10
 """So many rolls in a row that end elsewhere are enough."""
 MOST_CHAINS_MISSED = 3
 """After so many chains in a row that missed, a travel goes on by plain rolls."""
-STRAYS_M, LAST_CHAIN_M = 0.6, 0.3
+STRAYS_M, LAST_CHAIN_M = 0.6, 0.2
 """Robots differ by some per cent in how far their chains go: from as far or farther one leads so near, and the next one there."""
 NEAR_TRIES = 2
 """From near the goal it tries so often to hit it by chains, then three times so by plain rolls: each alone may go in circles."""
