@@ -271,7 +271,9 @@ def test_a_chain_that_ends_early_does_so_on_a_tc():
 def test_a_refused_link_brings_the_robot_to_neutral():
     sequence = chain()
     sequence.look(view(3.0, "TO5", rest=False))
-    assert sequence.give_up("the bridge ended the motion: no duty left", missed=False) == Move(Phase.RETURN, NEUTRAL, overtakes=True)
+    assert sequence.give_up("the bridge ended the motion: no duty left", missed=False) == Move(
+        Phase.RETURN, NEUTRAL, overtakes=True
+    )
     sequence.moved(view(6.0, "TO5", rest=False))
     outcome = sequence.look(view(7.0, "TO5"))
     assert isinstance(outcome, RollOutcome)
