@@ -39,6 +39,8 @@ class Setup:
     rolling: bool = False
 
 
+A_ROLL_S = 6.0
+"""So long a strut runs in a roll, at most."""
 STRUTS = Setup()
 """Prototype and bridge: struts are moved by hand."""
 
@@ -180,6 +182,7 @@ class Rig:
         operator = self.operator
         wait_until(operator.is_quiet, START_LIMIT_S, "rest on a face")
         operator.arm()
+        wait_until(lambda: operator.bridge.duty_left_s > A_ROLL_S, START_LIMIT_S, "motors that have rested after a long hold")
         goal = operator.begin_roll(NEIGHBOURS[operator.observed.face][0])
         expect(goal.accepted, "the roll was not accepted")
         operator.moves(goal, 0.005)

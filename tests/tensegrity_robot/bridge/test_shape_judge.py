@@ -64,12 +64,12 @@ def test_stop_does_not_wait_for_the_judge_and_what_was_judged_is_refused(armed):
 def test_a_goal_is_too_old_if_it_took_too_long_to_judge_and_may_be_sent_again(armed):
     before = moved(armed)
     there_and_back = [
-        (6.0 * knot, [0.234 + (0.027 if knot % 2 else -0.027), *MID[1:5], 0.234 - 0.0015 * knot]) for knot in range(1, 9)
+        (3.7 * knot, [0.234 + (0.027 if knot % 2 else -0.027), *MID[1:5], 0.234 - 0.0015 * knot]) for knot in range(1, 14)
     ]
     result = armed.end(armed.begin_motion(*there_and_back, lease=armed.lease, once=True)).result
     assert not result.success
     assert may_be_sent_again(result.reason), result.reason
-    assert float(result.reason.split()[2]) > 0.5, "400 shapes take longer"
+    assert float(result.reason.split()[2]) > 0.5, "650 shapes take longer"
     assert moved(armed) == before
     goal = armed.begin_motion(*there_and_back, lease=armed.lease, once=True)
     wait_until(lambda: moved(armed) > before, 10.0, "the same motion, judged already")
