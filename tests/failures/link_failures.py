@@ -49,7 +49,7 @@ def lost_in_mid_gait(lab: Rig) -> Evidence:
     evidence = Evidence()
     operator = lab.use(ROLLING)
     lease = lab.arm()
-    motion = operator.begin_motion((50.0, stretched(1, 0.04)), lease=lease)
+    motion = operator.begin_motion((30.0, stretched(1, 0.04)), lease=lease)
     operator.moves(motion, 0.002)
     lab.fault("drop", TO_BOARD)
     operator.sees(BridgeState.FAULT, LOST_LIMIT_S)

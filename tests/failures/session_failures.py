@@ -31,7 +31,7 @@ def log_fails(lab: Rig) -> Evidence:
     evidence.says(lab.refused_arm(), "MB are free in", "the limit is 10000000 MB (space_limit_mb): free space")
     operator = lab.use(STRUTS)
     lease = lab.arm()
-    motion = operator.begin_motion((50.0, stretched(1, 0.04)), lease=lease)
+    motion = operator.begin_motion((30.0, stretched(1, 0.04)), lease=lease)
     operator.moves(motion, 0.001)
     bridge, bag = lab.node("hardware_bridge"), Path(operator.bridge.bag)
     size = journal_of(bag).stat().st_size + ROOM_BYTES
