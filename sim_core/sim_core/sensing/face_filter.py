@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where the floor is, seen from the box, and how well each of the twenty faces fits: the measurement part of a Bayes filter.
+
+Two directions are kept in the box's frame: down, and the floor's normal (into the floor), which is down as long as nobody knows how
+the ground leans. Rates of turn carry both along; accelerations pull them towards gravity where they are about gravity. Each face
+has such a normal too, from the twin's shape at the present strut lengths: on the face that the robot stands on, the two agree.
+Once a face is sure at rest, the floor's normal is that face's, and so the slope is known; after that only the shape's errors count.
+
+These errors (of shape, mounting and slope) stay the same as long as the robot rests. So measurements are averaged, and their
+likelihood counts once, not again with every sample.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_core.dynamics.jit_cache import njit
+from sim_core.structure.arrays import Array
+from sim_core.structure.rotations import matrix_of
+from sim_core.structure.topology import FACES
+
+GRAVITY_M_S2 = 9.80665
+NAMES = tuple(FACES)
+NONE = len(NAMES)
+"""Index of "on none" among the probabilities."""
+
+# rows of the state
+DOWN, FLOOR, BIAS, QUIET_S, SLOPE_KNOWN = 0, 3, 6, 9, 10
+ROWS = 11
+
+BESIDE = np.array([[i for i, a in enumerate(FACES.values()) if len(set(a) & set(b)) == 2] for b in FACES.values()])
+"""Of each face, the three that share an edge with it, of tendons or none: (20, 3)."""
+
+
+class FilterRules(NamedTuple):
+    """Numbers of the filter, hand-chosen.
+
+    Attributes:
+        known_rad: scatter of a face's normal about the floor's, where the slope is known: errors of shape and mounting.
+        unknown_rad: likewise where it is not known: slopes up to 10° beside that.
+        pull_s: time in which accelerations pull the directions.
+        loud: accelerations that differ from gravity by more than this part of it do not.
+        quiet_rad_s: slower is at rest.
+        bias_s: time in which the bias of the rates follows, at rest.
+        most_bias_rad_s: of that bias.
+    """
+
+    known_rad: float = math.radians(3.5)
+    unknown_rad: float = math.radians(6.5)
+    pull_s: float = 0.4
+    loud: float = 0.1
+    quiet_rad_s: float = math.radians(3.0)
+    bias_s: float = 2.0
+    most_bias_rad_s: float = math.radians(2.0)
+
+
+def normals_of(joints_m: Array, box_quaternion: Array) -> Array:
+    """Each face's direction into the floor, were the robot on it, in the box's frame: (20, 3).
+
+    Args:
+        joints_m: (12, 3), of a shape in any attitude.
+        box_quaternion: of the box in it, (w, x, y, z).
+    """
+    corners = joints_m[np.array([FACES[name] for name in NAMES])]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    outward = np.einsum("ij,ij->i", normals, corners[:, 0] - joints_m.mean(axis=0))
+    normals *= (np.sign(outward) / np.linalg.norm(normals, axis=1))[:, None]
+    return np.ascontiguousarray(normals @ matrix_of(box_quaternion))
+
+
+def new_state(acceleration: Array) -> Array:
+    """Before the second measurement: down as the first acceleration, (3,), has it."""
+    state = np.zeros(ROWS)
+    state[DOWN : DOWN + 3] = state[FLOOR : FLOOR + 3] = -acceleration / max(1e-9, float(np.linalg.norm(acceleration)))
+    return state
+
+
+@njit(cache=True)
+def track(state: Array, dt_s: float, rate_rad_s: Array, acceleration_m_s2: Array, still: bool, rules: FilterRules) -> None:
+    """One measurement.
+
+    Args:
+        state: (ROWS,), changed.
+        dt_s: since the one before.
+        rate_rad_s: of turn, in the box's frame, (3,).
+        acceleration_m_s2: likewise, as sensors tell it: upward at rest.
+        still: no strut is driven.
+        rules: see there.
+    """
+    rate = rate_rad_s - state[BIAS : BIAS + 3]
+    _turn(state, rate, -dt_s)
+    size = math.sqrt((acceleration_m_s2**2).sum())
+    loud = abs(size / GRAVITY_M_S2 - 1.0)
+    if loud < rules.loud:
+        # the smallest turn from down towards minus the acceleration, a part of it
+        pull = -np.cross(state[DOWN : DOWN + 3], acceleration_m_s2) / size
+        _turn(state, pull, min(1.0, dt_s / rules.pull_s))
+    if math.sqrt((rate**2).sum()) < rules.quiet_rad_s and loud < rules.loud:
+        state[QUIET_S] += dt_s
+        if still and state[QUIET_S] > 0.5:
+            bias = state[BIAS : BIAS + 3]
+            bias += rate * min(1.0, dt_s / rules.bias_s)
+            over = math.sqrt((bias**2).sum()) / rules.most_bias_rad_s
+            if over > 1.0:
+                bias /= over
+    else:
+        state[QUIET_S] = 0.0
+
+
+@njit(cache=True)
+def _turn(state: Array, axis: Array, angle: float) -> None:
+    """Both directions, about an axis whose length scales the angle; small angles."""
+    for row in (DOWN, FLOOR):
+        direction = state[row : row + 3]
+        direction += angle * np.cross(axis, direction)
+        direction /= math.sqrt((direction**2).sum())
+
+
+@njit(cache=True)
+def likelihoods(state: Array, normals: Array, rules: FilterRules) -> Array:
+    """Of what is measured, on each face and on none of them, (21,): densities per steradian, a normal law and an even one."""
+    known = state[SLOPE_KNOWN] > 0.0
+    scatter, row = (rules.known_rad, FLOOR) if known else (rules.unknown_rad, DOWN)
+    found = np.full(NONE + 1, 0.25 / math.pi)
+    for face in range(NONE):
+        cosine = normals[face, 0] * state[row] + normals[face, 1] * state[row + 1] + normals[face, 2] * state[row + 2]
+        found[face] = math.exp(-(1.0 - min(1.0, cosine)) / scatter**2) / (2.0 * math.pi * scatter**2)
+    return found
+
+
+def anchor(state: Array, normals: Array, face: int) -> None:
+    """The robot rests on this face for sure: the floor's normal is the face's, so the slope is known from now on."""
+    state[FLOOR : FLOOR + 3] = normals[face]
+    state[SLOPE_KNOWN] = 1.0
+
+
+def forget_slope(state: Array) -> None:
+    """Measurements were missed: the floor's normal is down again."""
+    state[FLOOR : FLOOR + 3], state[SLOPE_KNOWN], state[QUIET_S] = state[DOWN : DOWN + 3], 0.0, 0.0
+
+
+def residual_rad(state: Array, normals: Array, face: int) -> float:
+    """Angle between the face's normal and the floor's, or down, if the slope is not known."""
+    row = FLOOR if state[SLOPE_KNOWN] > 0.0 else DOWN
+    return math.acos(min(1.0, max(-1.0, float(normals[face] @ state[row : row + 3]))))

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When an inertial sensor's word about the face may be taken: never from a sensor that is frozen, late, gone or turned.
+
+Struts, or a person, move the robot; nothing else does. So a face that changes while no strut was driven, a face that is not beside
+the one before, and a motion of the struts of which the sensor shows nothing are signs of a fault: then the face is unknown until
+somebody says it, and the sensor agrees.
+"""
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from sim_core.sensing import face_filter as f
+from sim_core.sensing.face_filter import BESIDE, NAMES, NONE, FilterRules
+from sim_core.structure.arrays import Array
+
+SURE = 0.99
+"""What is less likely is not said."""
+LOOK_S = 0.02
+"""Between looks at the faces."""
+FROZEN_S = 0.25
+"""No sensor repeats all its figures for so long: its noise is larger than its last digit."""
+GAP_S = 0.25
+"""Longer without a measurement, and turns may have been missed."""
+REST_S = 0.6
+"""Quiet for so long after the struts' last motion is at rest."""
+SHOWS_RAD = 0.004
+"""A motion of the struts turns the box by this much at least, or nothing was moved worth telling."""
+
+
+class Word(NamedTuple):
+    """News of the face.
+
+    Attributes:
+        face: the robot is on it; empty: nobody knows.
+        settled: at rest.
+        detail: for people: how sure, or why it is not known.
+    """
+
+    face: str
+    settled: bool
+    detail: str
+
+
+@dataclass
+class FaceWatch:
+    """Takes measurements, the struts' motions, the twin's shape and what others say; gives words.
+
+    Attributes:
+        known: the face that was said last, by this or by others; empty: none.
+        doubt: why the sensor is not trusted; empty: it is.
+    """
+
+    rules: FilterRules = field(default_factory=FilterRules)
+    known: str = ""
+    doubt: str = ""
+    _state: Array | None = None
+    _normals: Array | None = None
+    _time_s: float = 0.0
+    _last: Array = field(default_factory=lambda: np.zeros(6))
+    _same_s: float = 0.0
+    _driven: bool = False
+    _driven_s: float = 0.0
+    _shown_rad: float = 0.0
+    _moved: bool = False
+    _told: tuple[str, bool] = ("", False)
+    _before: str = ""
+    _looked_s: float = 0.0
+    _belief: Array = field(default_factory=lambda: _prior("", moved=True))
+
+    # ---- what is heard ----------------------------------------------------------------------------------------------
+
+    def shape(self, joints_m: Array, box_quaternion: Array) -> None:
+        """The twin's shape now: joints (12, 3), box (w, x, y, z)."""
+        self._normals = f.normals_of(joints_m, box_quaternion)
+
+    def struts(self, driven: bool) -> None:
+        """Whether struts are driven now."""
+        if driven and not self._driven:
+            self._moved, self._shown_rad, self._told = True, 0.0, (self.known, False)
+        if driven:
+            self._driven_s = self._time_s
+        self._driven = driven
+
+    def said(self, face: str) -> None:
+        """Somebody else says the face (empty: on none, or nobody knows). A doubt ends if the sensor agrees."""
+        if self.doubt and face and self._best() == (face, True):
+            self.doubt = ""
+        self.known, self._told = face, (face, True)
+        self._before = face or self._before
+        if not self._driven:
+            self._moved = False
+
+    def measured(self, time_s: float, rate_rad_s: Array, acceleration_m_s2: Array) -> Word | None:
+        """A measurement in the box's frame, (3,) each; news, if there are any."""
+        values = np.concatenate((rate_rad_s, acceleration_m_s2))
+        if not np.isfinite(values).all():
+            return self._lost("the sensor sends what is no number")
+        if self._state is None:
+            self._state, self._time_s, self._last = f.new_state(acceleration_m_s2), time_s, values
+            return None
+        dt_s = time_s - self._time_s
+        if dt_s <= 0.0:
+            return None  # told twice, or out of order
+        self._time_s = time_s
+        word = None
+        if dt_s > GAP_S:
+            word = self._lost(f"no measurement came for {dt_s:.1f} s")
+            dt_s = GAP_S
+        self._same_s = self._same_s + dt_s if np.array_equal(values, self._last) else 0.0
+        self._last = values
+        if self._same_s > FROZEN_S:
+            return self._lost("the sensor sends the same figures again and again")
+        if self._normals is None:
+            return word
+        if self._driven:
+            self._driven_s = time_s
+        f.track(self._state, dt_s, rate_rad_s, acceleration_m_s2, not self._driven, self.rules)
+        self._shown_rad += dt_s * max(0.0, float(np.linalg.norm(rate_rad_s - self._state[f.BIAS : f.BIAS + 3])) - 0.02)
+        if time_s - self._looked_s < LOOK_S - 1e-6:
+            return word
+        self._looked_s = time_s
+        belief = _prior(self._before, self._moved or not self.known) * f.likelihoods(self._state, self._normals, self.rules)
+        self._belief = belief / belief.sum()
+        return self._word() or word
+
+    def missing(self, time_s: float) -> Word | None:
+        """No measurement until now: news, if that is long."""
+        late_s = time_s - self._time_s
+        return self._lost(f"no measurement came for {late_s:.1f} s") if self._state is not None and late_s > 2.0 * GAP_S else None
+
+    # ---- what is known ----------------------------------------------------------------------------------------------
+
+    @property
+    def probabilities(self) -> Array:
+        """Of the twenty faces, (20,); what they lack of 1 is that of none."""
+        return self._belief[:NONE].copy()
+
+    @property
+    def moving(self) -> bool:
+        """The robot moves, or was not quiet for long enough yet."""
+        return self._state is None or self._state[f.QUIET_S] < REST_S or self._time_s - self._driven_s < REST_S
+
+    @property
+    def residual_rad(self) -> float:
+        """By how much the likeliest face's normal is off; NaN: nothing is known."""
+        if self._state is None or self._normals is None:
+            return float("nan")
+        return f.residual_rad(self._state, self._normals, int(np.argmax(self.probabilities)))
+
+    def _best(self) -> tuple[str, bool]:
+        """The likeliest face, empty: none of them, and whether that is sure."""
+        best = int(np.argmax(self._belief))
+        return NAMES[best] if best < NONE else "", bool(self._belief[best] >= SURE)
+
+    def _word(self) -> Word | None:
+        """What is to be said after a measurement."""
+        assert self._state is not None
+        assert self._normals is not None
+        (face, sure), settled = self._best(), not self.moving
+        if not sure or self.doubt:
+            return None
+        if self._moved and self._shown_rad < SHOWS_RAD:
+            return None  # late, or not fixed to the box: what it tells is from before
+        if self.known and face != self.known and not self._moved:
+            where = f"stands on {face}" if face else "on none"
+            return self._doubted(f"it stood on {self.known} and {where}, though no strut was driven") if settled else None
+        if not face or (not settled and (self._state[f.SLOPE_KNOWN] == 0.0 or face == self.known)):
+            return None
+        if self._before not in ("", face) and NAMES.index(face) not in BESIDE[NAMES.index(self._before)]:
+            return self._doubted(f"it stood on {self._before} and stands on {face}, which is not beside it") if settled else None
+        if settled:
+            f.anchor(self._state, self._normals, NAMES.index(face))
+            self._moved = False
+        if (face, settled) == self._told:
+            return None
+        self.known = self._before = face
+        self._told = face, settled
+        return Word(face, settled, f"{100.0 * float(self._belief.max()):.1f} %")
+
+    def _doubted(self, why: str) -> Word:
+        self.doubt = f"{why}: was it turned by hand, or did the sensor slip in its mount? Say the face"
+        self.known, self._told = "", ("", False)
+        return Word("", False, self.doubt)
+
+    def _lost(self, why: str) -> Word | None:
+        """Measurements cannot be used: what was known stays known, as nothing moves, but for the slope."""
+        if self._state is not None:
+            f.forget_slope(self._state)
+        if not (self._moved and self.known):
+            return None
+        self.known, self._told = "", ("", False)
+        return Word("", False, f"{why}, while the struts moved")
+
+
+def _prior(before: str, moved: bool) -> Array:
+    """Of each face and of none before anything is measured, (21,): flat at first, and flat over where a motion may have led.
+
+    What rehearsals expect of a gait is none of its business: rates that are compared with these must not be coloured by them.
+    """
+    prior = np.full(NONE + 1, 0.97 / NONE)
+    prior[NONE] = 0.03
+    if before:
+        own = NAMES.index(before)
+        prior[:NONE] = 0.01 / NONE
+        prior[BESIDE[own]] += 0.2 if moved else 0.005
+        prior[own] += 0.96 - prior[BESIDE[own]].sum()
+    return prior
