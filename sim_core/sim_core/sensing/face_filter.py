@@ -46,7 +46,7 @@ class FilterRules(NamedTuple):
         most_bias_rad_s: of that bias.
     """
 
-    known_rad: float = math.radians(3.5)
+    known_rad: float = math.radians(2.0)
     unknown_rad: float = math.radians(6.5)
     pull_s: float = 0.4
     loud: float = 0.1
@@ -129,9 +129,15 @@ def likelihoods(state: Array, normals: Array, rules: FilterRules) -> Array:
     return found
 
 
-def anchor(state: Array, normals: Array, face: int) -> None:
-    """The robot rests on this face for sure: the floor's normal is the face's, so the slope is known from now on."""
-    state[FLOOR : FLOOR + 3] = normals[face]
+def anchor(state: Array, normals: Array, face: int, part: float = 1.0) -> None:
+    """The robot is on this face for sure: the floor's normal is the face's, so the slope is known from now on.
+
+    `part`: of the way there. A shape that struts change slowly is off by little more on the next face than on this one, which it
+    shares an edge with: so the error is taken away with the shape, and what is left counts when the robot tips.
+    """
+    floor = state[FLOOR : FLOOR + 3]
+    floor += part * (normals[face] - floor)
+    floor /= np.linalg.norm(floor)
     state[SLOPE_KNOWN] = 1.0
 
 

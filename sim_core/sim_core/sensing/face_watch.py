@@ -25,6 +25,8 @@ GAP_S = 0.25
 """Longer without a measurement, and turns may have been missed."""
 REST_S = 0.6
 """Quiet for so long after the struts' last motion is at rest."""
+ANCHOR_S, TIPPED_RAD = 2.0, 0.1
+"""As long as the robot is on a face, the floor's normal follows that of the face in this time; not once it has tipped so far."""
 SHOWS_RAD = 0.004
 """A motion of the struts turns the box by this much at least, or nothing was moved worth telling."""
 
@@ -121,6 +123,10 @@ class FaceWatch:
         if time_s - self._looked_s < LOOK_S - 1e-6:
             return word
         self._looked_s = time_s
+        if self.known and self._state[f.SLOPE_KNOWN] > 0.0:
+            on = NAMES.index(self.known)
+            if f.residual_rad(self._state, self._normals, on) < TIPPED_RAD:
+                f.anchor(self._state, self._normals, on, LOOK_S / ANCHOR_S)
         belief = _prior(self._before, self._moved or not self.known) * f.likelihoods(self._state, self._normals, self.rules)
         self._belief = belief / belief.sum()
         return self._word() or word
