@@ -39,6 +39,7 @@ class FilterRules(NamedTuple):
     Attributes:
         known_rad: scatter of a face's normal about the floor's, where the slope is known: errors of shape and mounting.
         unknown_rad: likewise where it is not known: slopes up to 10° beside that.
+        center_m: scatter of the centre of mass over a face.
         pull_s: time in which accelerations pull the directions.
         loud: accelerations that differ from gravity by more than this part of it do not.
         quiet_rad_s: slower is at rest.
@@ -48,6 +49,7 @@ class FilterRules(NamedTuple):
 
     known_rad: float = math.radians(2.0)
     unknown_rad: float = math.radians(6.5)
+    center_m: float = 0.004
     pull_s: float = 0.4
     loud: float = 0.1
     quiet_rad_s: float = math.radians(3.0)
@@ -55,18 +57,37 @@ class FilterRules(NamedTuple):
     most_bias_rad_s: float = math.radians(2.0)
 
 
-def normals_of(joints_m: Array, box_quaternion: Array) -> Array:
-    """Each face's direction into the floor, were the robot on it, in the box's frame: (20, 3).
+class Shape(NamedTuple):
+    """A shape in the box's frame.
+
+    Attributes:
+        corners_m: of each face, counterclockwise seen along its normal, from the centre of mass: (20, 3, 3).
+        normals: of each face, its direction into the floor, were the robot on it: (20, 3).
+    """
+
+    corners_m: Array
+    normals: Array
+
+
+def shape_of(joints_m: Array, box_m: Array, box_quaternion: Array, box_share: float) -> Shape:
+    """A shape in any attitude, seen from its box.
 
     Args:
-        joints_m: (12, 3), of a shape in any attitude.
-        box_quaternion: of the box in it, (w, x, y, z).
+        joints_m: (12, 3).
+        box_m: (3,).
+        box_quaternion: of the box, (w, x, y, z).
+        box_share: of the whole mass; the rest is spread evenly over struts and joints.
     """
-    corners = joints_m[np.array([FACES[name] for name in NAMES])]
+    middle = joints_m.mean(axis=0)
+    center = (1.0 - box_share) * middle + box_share * box_m
+    corners = joints_m[np.array([FACES[name] for name in NAMES])] - center
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    outward = np.einsum("ij,ij->i", normals, corners[:, 0] - joints_m.mean(axis=0))
-    normals *= (np.sign(outward) / np.linalg.norm(normals, axis=1))[:, None]
-    return np.ascontiguousarray(normals @ matrix_of(box_quaternion))
+    inward = np.einsum("ij,ij->i", normals, corners[:, 0] - (middle - center)) < 0.0
+    corners[inward] = corners[inward][:, ::-1]
+    normals[inward] *= -1.0
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    turn = matrix_of(box_quaternion)
+    return Shape(np.ascontiguousarray(corners @ turn), np.ascontiguousarray(normals @ turn))
 
 
 def new_state(acceleration: Array) -> Array:
@@ -118,15 +139,36 @@ def _turn(state: Array, axis: Array, angle: float) -> None:
 
 
 @njit(cache=True)
-def likelihoods(state: Array, normals: Array, rules: FilterRules) -> Array:
-    """Of what is measured, on each face and on none of them, (21,): densities per steradian, a normal law and an even one."""
+def likelihoods(state: Array, corners_m: Array, normals: Array, rules: FilterRules) -> Array:
+    """Of what is measured, on each face and on none of them, (21,): densities per steradian, a normal law and an even one.
+
+    Where struts have made two faces nearly one plane, only the centre of mass tells on which of them the robot stands: a face that it
+    is not above is as much less likely as the shape's errors permit.
+    """
     known = state[SLOPE_KNOWN] > 0.0
     scatter, row = (rules.known_rad, FLOOR) if known else (rules.unknown_rad, DOWN)
     found = np.full(NONE + 1, 0.25 / math.pi)
     for face in range(NONE):
         cosine = normals[face, 0] * state[row] + normals[face, 1] * state[row + 1] + normals[face, 2] * state[row + 2]
         found[face] = math.exp(-(1.0 - min(1.0, cosine)) / scatter**2) / (2.0 * math.pi * scatter**2)
+        if found[face] > 1e-6:
+            inside = _inside_m(corners_m[face], normals[face], state[DOWN : DOWN + 3]) / rules.center_m
+            found[face] *= max(1e-3, 0.5 * math.erfc(-inside / math.sqrt(2.0)))
     return found
+
+
+@njit(cache=True)
+def _inside_m(corners: Array, normal: Array, down: Array) -> float:
+    """How far inside a triangle the origin is, projected along `down`, from the nearest edge; negative: outside."""
+    along = (normal * down).sum()
+    if along < 0.1:
+        return -1.0
+    foot = (normal * corners[0]).sum() / along * down
+    least = np.inf
+    for i in range(3):
+        edge = corners[(i + 1) % 3] - corners[i]
+        least = min(least, (np.cross(edge, foot - corners[i]) * normal).sum() / math.sqrt((edge**2).sum()))
+    return least
 
 
 def anchor(state: Array, normals: Array, face: int, part: float = 1.0) -> None:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_core.sensing import face_filter as f
-from sim_core.sensing.face_filter import BESIDE, NAMES, NONE, FilterRules
+from sim_core.sensing.face_filter import BESIDE, NAMES, NONE, FilterRules, Shape
 from sim_core.structure.arrays import Array
 
 SURE = 0.99
@@ -50,15 +50,17 @@ class FaceWatch:
     """Takes measurements, the struts' motions, the twin's shape and what others say; gives words.
 
     Attributes:
+        box_share: of the box in the robot's mass.
         known: the face that was said last, by this or by others; empty: none.
         doubt: why the sensor is not trusted; empty: it is.
     """
 
+    box_share: float
     rules: FilterRules = field(default_factory=FilterRules)
     known: str = ""
     doubt: str = ""
     _state: Array | None = None
-    _normals: Array | None = None
+    _shape: Shape | None = None
     _time_s: float = 0.0
     _last: Array = field(default_factory=lambda: np.zeros(6))
     _same_s: float = 0.0
@@ -73,9 +75,9 @@ class FaceWatch:
 
     # ---- what is heard ----------------------------------------------------------------------------------------------
 
-    def shape(self, joints_m: Array, box_quaternion: Array) -> None:
-        """The twin's shape now: joints (12, 3), box (w, x, y, z)."""
-        self._normals = f.normals_of(joints_m, box_quaternion)
+    def shape(self, joints_m: Array, box_m: Array, box_quaternion: Array) -> None:
+        """The twin's shape now: joints (12, 3), box (3,) and (w, x, y, z)."""
+        self._shape = f.shape_of(joints_m, box_m, box_quaternion, self.box_share)
 
     def struts(self, driven: bool) -> None:
         """Whether struts are driven now."""
@@ -114,7 +116,7 @@ class FaceWatch:
         self._last = values
         if self._same_s > FROZEN_S:
             return self._lost("the sensor sends the same figures again and again")
-        if self._normals is None:
+        if self._shape is None:
             return word
         if self._driven:
             self._driven_s = time_s
@@ -125,9 +127,9 @@ class FaceWatch:
         self._looked_s = time_s
         if self.known and self._state[f.SLOPE_KNOWN] > 0.0:
             on = NAMES.index(self.known)
-            if f.residual_rad(self._state, self._normals, on) < TIPPED_RAD:
-                f.anchor(self._state, self._normals, on, LOOK_S / ANCHOR_S)
-        belief = _prior(self._before, self._moved or not self.known) * f.likelihoods(self._state, self._normals, self.rules)
+            if f.residual_rad(self._state, self._shape.normals, on) < TIPPED_RAD:
+                f.anchor(self._state, self._shape.normals, on, LOOK_S / ANCHOR_S)
+        belief = _prior(self._before, self._moved or not self.known) * f.likelihoods(self._state, *self._shape, self.rules)
         self._belief = belief / belief.sum()
         return self._word() or word
 
@@ -151,9 +153,9 @@ class FaceWatch:
     @property
     def residual_rad(self) -> float:
         """By how much the likeliest face's normal is off; NaN: nothing is known."""
-        if self._state is None or self._normals is None:
+        if self._state is None or self._shape is None:
             return float("nan")
-        return f.residual_rad(self._state, self._normals, int(np.argmax(self.probabilities)))
+        return f.residual_rad(self._state, self._shape.normals, int(np.argmax(self.probabilities)))
 
     def _best(self) -> tuple[str, bool]:
         """The likeliest face, empty: none of them, and whether that is sure."""
@@ -163,7 +165,7 @@ class FaceWatch:
     def _word(self) -> Word | None:
         """What is to be said after a measurement."""
         assert self._state is not None
-        assert self._normals is not None
+        assert self._shape is not None
         (face, sure), settled = self._best(), not self.moving
         if not sure or self.doubt:
             return None
@@ -177,7 +179,7 @@ class FaceWatch:
         if self._before not in ("", face) and NAMES.index(face) not in BESIDE[NAMES.index(self._before)]:
             return self._doubted(f"it stood on {self._before} and stands on {face}, which is not beside it") if settled else None
         if settled:
-            f.anchor(self._state, self._normals, NAMES.index(face))
+            f.anchor(self._state, self._shape.normals, NAMES.index(face))
             self._moved = False
         if (face, settled) == self._told:
             return None
