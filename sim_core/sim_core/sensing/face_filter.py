@@ -26,8 +26,8 @@ NONE = len(NAMES)
 """Index of "on none" among the probabilities."""
 
 # rows of the state
-DOWN, FLOOR, BIAS, QUIET_S, SLOPE_KNOWN = 0, 3, 6, 9, 10
-ROWS = 11
+DOWN, FLOOR, BIAS, QUIET_S, SLOPE_KNOWN, APART_S = 0, 3, 6, 9, 10, 11
+ROWS = 12
 
 BESIDE = np.array([[i for i, a in enumerate(FACES.values()) if len(set(a) & set(b)) == 2] for b in FACES.values()])
 """Of each face, the three that share an edge with it, of tendons or none: (20, 3)."""
@@ -43,16 +43,18 @@ class FilterRules(NamedTuple):
         pull_s: time in which accelerations pull the directions.
         loud: accelerations that differ from gravity by more than this part of it do not.
         quiet_rad_s: slower is at rest.
+        apart_rad: rates and accelerations that disagree by more about down do not belong together, such as of a sensor that slips.
         bias_s: time in which the bias of the rates follows, at rest.
         most_bias_rad_s: of that bias.
     """
 
     known_rad: float = math.radians(2.0)
     unknown_rad: float = math.radians(6.5)
-    center_m: float = 0.004
+    center_m: float = 0.006
     pull_s: float = 0.4
     loud: float = 0.1
     quiet_rad_s: float = math.radians(3.0)
+    apart_rad: float = 0.2
     bias_s: float = 2.0
     most_bias_rad_s: float = math.radians(2.0)
 
@@ -116,6 +118,8 @@ def track(state: Array, dt_s: float, rate_rad_s: Array, acceleration_m_s2: Array
     if loud < rules.loud:
         # the smallest turn from down towards minus the acceleration, a part of it
         pull = -np.cross(state[DOWN : DOWN + 3], acceleration_m_s2) / size
+        agrees = (state[DOWN : DOWN + 3] * acceleration_m_s2).sum() < -size * math.cos(rules.apart_rad)
+        state[APART_S] = 0.0 if agrees else state[APART_S] + dt_s
         _turn(state, pull, min(1.0, dt_s / rules.pull_s))
     if math.sqrt((rate**2).sum()) < rules.quiet_rad_s and loud < rules.loud:
         state[QUIET_S] += dt_s
@@ -142,8 +146,8 @@ def _turn(state: Array, axis: Array, angle: float) -> None:
 def likelihoods(state: Array, corners_m: Array, normals: Array, rules: FilterRules) -> Array:
     """Of what is measured, on each face and on none of them, (21,): densities per steradian, a normal law and an even one.
 
-    Where struts have made two faces nearly one plane, only the centre of mass tells on which of them the robot stands: a face that it
-    is not above is as much less likely as the shape's errors permit.
+    Where struts have made two faces nearly one plane, only the centre of mass tells on which of them the robot stands: a face that
+    it is not above is as much less likely as the shape's errors permit.
     """
     known = state[SLOPE_KNOWN] > 0.0
     scatter, row = (rules.known_rad, FLOOR) if known else (rules.unknown_rad, DOWN)
@@ -152,13 +156,13 @@ def likelihoods(state: Array, corners_m: Array, normals: Array, rules: FilterRul
         cosine = normals[face, 0] * state[row] + normals[face, 1] * state[row + 1] + normals[face, 2] * state[row + 2]
         found[face] = math.exp(-(1.0 - min(1.0, cosine)) / scatter**2) / (2.0 * math.pi * scatter**2)
         if found[face] > 1e-6:
-            inside = _inside_m(corners_m[face], normals[face], state[DOWN : DOWN + 3]) / rules.center_m
+            inside = inside_m(corners_m[face], normals[face], state[DOWN : DOWN + 3]) / rules.center_m
             found[face] *= max(1e-3, 0.5 * math.erfc(-inside / math.sqrt(2.0)))
     return found
 
 
 @njit(cache=True)
-def _inside_m(corners: Array, normal: Array, down: Array) -> float:
+def inside_m(corners: Array, normal: Array, down: Array) -> float:
     """How far inside a triangle the origin is, projected along `down`, from the nearest edge; negative: outside."""
     along = (normal * down).sum()
     if along < 0.1:
@@ -181,11 +185,6 @@ def anchor(state: Array, normals: Array, face: int, part: float = 1.0) -> None:
     floor += part * (normals[face] - floor)
     floor /= np.linalg.norm(floor)
     state[SLOPE_KNOWN] = 1.0
-
-
-def forget_slope(state: Array) -> None:
-    """Measurements were missed: the floor's normal is down again."""
-    state[FLOOR : FLOOR + 3], state[SLOPE_KNOWN], state[QUIET_S] = state[DOWN : DOWN + 3], 0.0, 0.0
 
 
 def residual_rad(state: Array, normals: Array, face: int) -> float:

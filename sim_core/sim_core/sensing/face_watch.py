@@ -19,14 +19,19 @@ SURE = 0.99
 """What is less likely is not said."""
 LOOK_S = 0.02
 """Between looks at the faces."""
+LASTS_S = 0.08
+"""A robot that tumbles passes by faces; what does not last so long is not said."""
 FROZEN_S = 0.25
 """No sensor repeats all its figures for so long: its noise is larger than its last digit."""
 GAP_S = 0.25
 """Longer without a measurement, and turns may have been missed."""
+APART_S = 0.15
+"""Rates and accelerations may disagree for so long: a landing shakes the box."""
 REST_S = 0.6
 """Quiet for so long after the struts' last motion is at rest."""
-ANCHOR_S, TIPPED_RAD = 2.0, 0.1
-"""As long as the robot is on a face, the floor's normal follows that of the face in this time; not once it has tipped so far."""
+ANCHOR_S, TIPPED_RAD, FIRM_M = 2.0, 0.1, 0.008
+"""As long as the robot is on a face, the floor's normal follows that of the face in this time; not once it has tipped so far, nor
+when its centre of mass comes so near to an edge: it may tip slowly."""
 SHOWS_RAD = 0.004
 """A motion of the struts turns the box by this much at least, or nothing was moved worth telling."""
 
@@ -71,6 +76,8 @@ class FaceWatch:
     _told: tuple[str, bool] = ("", False)
     _before: str = ""
     _looked_s: float = 0.0
+    _seen: tuple[str, bool] = ("", False)
+    _seen_s: float = 0.0
     _belief: Array = field(default_factory=lambda: _prior("", moved=True))
 
     # ---- what is heard ----------------------------------------------------------------------------------------------
@@ -98,40 +105,50 @@ class FaceWatch:
 
     def measured(self, time_s: float, rate_rad_s: Array, acceleration_m_s2: Array) -> Word | None:
         """A measurement in the box's frame, (3,) each; news, if there are any."""
-        values = np.concatenate((rate_rad_s, acceleration_m_s2))
-        if not np.isfinite(values).all():
-            return self._lost("the sensor sends what is no number")
-        if self._state is None:
-            self._state, self._time_s, self._last = f.new_state(acceleration_m_s2), time_s, values
-            return None
         dt_s = time_s - self._time_s
         if dt_s <= 0.0:
             return None  # told twice, or out of order
+        if fault := self._fault(dt_s, np.concatenate((rate_rad_s, acceleration_m_s2))):
+            self._time_s = time_s
+            return self._lost(fault)
         self._time_s = time_s
-        word = None
-        if dt_s > GAP_S:
-            word = self._lost(f"no measurement came for {dt_s:.1f} s")
-            dt_s = GAP_S
-        self._same_s = self._same_s + dt_s if np.array_equal(values, self._last) else 0.0
-        self._last = values
-        if self._same_s > FROZEN_S:
-            return self._lost("the sensor sends the same figures again and again")
+        if self._state is None:
+            self._state = f.new_state(acceleration_m_s2)
         if self._shape is None:
-            return word
+            return None
         if self._driven:
             self._driven_s = time_s
         f.track(self._state, dt_s, rate_rad_s, acceleration_m_s2, not self._driven, self.rules)
         self._shown_rad += dt_s * max(0.0, float(np.linalg.norm(rate_rad_s - self._state[f.BIAS : f.BIAS + 3])) - 0.02)
+        if self._state[f.APART_S] > APART_S and not self.doubt:
+            return self._doubted("the sensor's accelerations turned and its rates did not")
         if time_s - self._looked_s < LOOK_S - 1e-6:
-            return word
+            return None
         self._looked_s = time_s
         if self.known and self._state[f.SLOPE_KNOWN] > 0.0:
-            on = NAMES.index(self.known)
-            if f.residual_rad(self._state, self._shape.normals, on) < TIPPED_RAD:
-                f.anchor(self._state, self._shape.normals, on, LOOK_S / ANCHOR_S)
+            self._follow(NAMES.index(self.known))
         belief = _prior(self._before, self._moved or not self.known) * f.likelihoods(self._state, *self._shape, self.rules)
         self._belief = belief / belief.sum()
-        return self._word() or word
+        return self._word()
+
+    def _follow(self, face: int) -> None:
+        """The floor's normal follows a face's slowly, while the robot is firmly on it."""
+        assert self._state is not None
+        assert self._shape is not None
+        corners, normal = self._shape.corners_m[face], self._shape.normals[face]
+        firm = f.inside_m(corners, normal, self._state[f.DOWN : f.DOWN + 3]) > FIRM_M
+        if firm and f.residual_rad(self._state, self._shape.normals, face) < TIPPED_RAD:
+            f.anchor(self._state, self._shape.normals, face, LOOK_S / ANCHOR_S)
+
+    def _fault(self, dt_s: float, values: Array) -> str:
+        """Why a measurement cannot be used; empty: it can."""
+        self._same_s = self._same_s + dt_s if np.array_equal(values, self._last) else 0.0
+        self._last = values
+        if not np.isfinite(values).all():
+            return "the sensor sends what is no number"
+        if self._state is not None and dt_s > GAP_S:
+            return f"no measurement came for {dt_s:.1f} s"
+        return "the sensor sends the same figures again and again" if self._same_s > FROZEN_S else ""
 
     def missing(self, time_s: float) -> Word | None:
         """No measurement until now: news, if that is long."""
@@ -167,7 +184,9 @@ class FaceWatch:
         assert self._state is not None
         assert self._shape is not None
         (face, sure), settled = self._best(), not self.moving
-        if not sure or self.doubt:
+        if (face, sure) != self._seen:
+            self._seen, self._seen_s = (face, sure), self._time_s
+        if not sure or self.doubt or self._time_s - self._seen_s < LASTS_S - 1e-6:
             return None
         if self._moved and self._shown_rad < SHOWS_RAD:
             return None  # late, or not fixed to the box: what it tells is from before
@@ -193,9 +212,8 @@ class FaceWatch:
         return Word("", False, self.doubt)
 
     def _lost(self, why: str) -> Word | None:
-        """Measurements cannot be used: what was known stays known, as nothing moves, but for the slope."""
-        if self._state is not None:
-            f.forget_slope(self._state)
+        """Measurements cannot be used: it begins anew. What was known stays known, unless struts move."""
+        self._state, self._belief = None, _prior("", moved=True)
         if not (self._moved and self.known):
             return None
         self.known, self._told = "", ("", False)
