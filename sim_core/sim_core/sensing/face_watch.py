@@ -19,7 +19,9 @@ SURE = 0.99
 """What is less likely is not said."""
 LOOK_S = 0.02
 """Between looks at the faces."""
-LASTS_S = 0.08
+UNSURE_S = 1.0
+"""What is unsure at rest for so long stays so."""
+LASTS_S = 0.06
 """A robot that tumbles passes by faces; what does not last so long is not said."""
 FROZEN_S = 0.25
 """No sensor repeats all its figures for so long: its noise is larger than its last digit."""
@@ -112,9 +114,8 @@ class FaceWatch:
             self._time_s = time_s
             return self._lost(fault)
         self._time_s = time_s
-        if self._state is None:
+        if self._state is None or self._shape is None:
             self._state = f.new_state(acceleration_m_s2)
-        if self._shape is None:
             return None
         if self._driven:
             self._driven_s = time_s
@@ -186,14 +187,15 @@ class FaceWatch:
         (face, sure), settled = self._best(), not self.moving
         if (face, sure) != self._seen:
             self._seen, self._seen_s = (face, sure), self._time_s
-        if not sure or self.doubt or self._time_s - self._seen_s < LASTS_S - 1e-6:
+        unmoved = self._moved and self._shown_rad < SHOWS_RAD  # late, or not fixed to the box: what it tells is from before
+        if self.doubt or unmoved or self._time_s - self._seen_s < LASTS_S - 1e-6:
             return None
-        if self._moved and self._shown_rad < SHOWS_RAD:
-            return None  # late, or not fixed to the box: what it tells is from before
+        if not sure or not face:
+            return self._unsure() if settled and self._time_s - self._seen_s > UNSURE_S else None
         if self.known and face != self.known and not self._moved:
-            where = f"stands on {face}" if face else "on none"
-            return self._doubted(f"it stood on {self.known} and {where}, though no strut was driven") if settled else None
-        if not face or (not settled and (self._state[f.SLOPE_KNOWN] == 0.0 or face == self.known)):
+            why = f"it stood on {self.known} and stands on {face}, though no strut was driven"
+            return self._doubted(why) if settled else None
+        if not settled and (self._state[f.SLOPE_KNOWN] == 0.0 or face == self.known):
             return None
         if self._before not in ("", face) and NAMES.index(face) not in BESIDE[NAMES.index(self._before)]:
             return self._doubted(f"it stood on {self._before} and stands on {face}, which is not beside it") if settled else None
@@ -206,9 +208,19 @@ class FaceWatch:
         self._told = face, settled
         return Word(face, settled, f"{100.0 * float(self._belief.max()):.1f} %")
 
+    def _unsure(self) -> Word | None:
+        """At rest, and no face fits well enough."""
+        if not self.known:
+            return None
+        known, self.known, self._told = self.known, "", ("", False)
+        face = NAMES[int(np.argmax(self.probabilities))]
+        fits = f"{face} fits best, {100.0 * float(self.probabilities.max()):.1f} %"
+        return Word("", False, f"it stood on {known}; {fits}, which is not sure")
+
     def _doubted(self, why: str) -> Word:
         self.doubt = f"{why}: was it turned by hand, or did the sensor slip in its mount? Say the face"
         self.known, self._told = "", ("", False)
+        self._state = None
         return Word("", False, self.doubt)
 
     def _lost(self, why: str) -> Word | None:
