@@ -39,7 +39,7 @@ class InertialSensor:
         self.mounting = self.mounting @ turned_about(unit(self._rng.standard_normal(3)), angle_rad)
 
     def measure(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Mean rate of turn (rad/s) and acceleration (m/s², upward at rest) since the last call, in the sensor's axes, (3,) each."""
+        """Mean rate of turn (rad/s) and acceleration (m/s², up at rest) since the last call, in the sensor's axes, (3,) each."""
         robot, model = self._robot, self._robot.model
         velocity, attitude, seconds = self._box(k.V), self._box(k.Q, 4), (robot.step - self._step) * model.dt_s
         gained, turned = np.zeros(3), np.zeros(3)
