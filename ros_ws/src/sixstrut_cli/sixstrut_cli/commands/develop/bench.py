@@ -22,6 +22,7 @@ def command(
     library: Annotated[
         str | None, typer.Option(metavar="NAME", help="Only roll this library's gaits and cycles in MuJoCo, and count.")
     ] = None,
+    imu: Annotated[bool, typer.Option("--imu", help="Only how well an inertial sensor in the box tells the face.")] = False,
     quick: Annotated[bool, typer.Option("--quick", help="A minute or two, rougher figures; not for --page.")] = False,
     threads: Annotated[
         int | None, typer.Option(min=1, help="Threads to measure besides one; default: 2, if there are two processors.")
@@ -40,12 +41,16 @@ def command(
     sixstrut bench --stack
     sixstrut bench --stack --quick --json
     sixstrut bench --library continuous --page
+    sixstrut bench --imu --quick
     """
     import_checkout()
     if page and (quick or prototype is not None):
         raise typer.BadParameter("the page is of a whole run: leave --quick and --prototype out", param_hint="--page")
     name = "rolling_on.md" if library else "benchmark_stack.md" if stack else "benchmark.md"
     path = results_page(name) if page else output_folder("bench", output) / name
+    if imu:
+        _tell_faces(600 if quick else 30_000, threads, results_page("imu.md") if page else None, as_json)
+        return
     announce("measuring, about five minutes; --quick one or two; Ctrl-C leaves at any time, then nothing is written")
     if library is not None:
         _in_mujoco(library, 4 if quick else 20, threads, path if page else None, as_json, prototype)
@@ -98,6 +103,19 @@ def _tell(report: Any, result: Any, path: Path, as_json: bool) -> None:
     typer.echo(report.as_json(result) if as_json else report.as_markdown(result, None))
     path.write_text(report.as_markdown(result, f"images/{picture.name}"), encoding="utf-8")
     wrote(path, report.draw(result, picture), err=True)
+
+
+def _tell_faces(rolls: int, threads: int | None, page: Path | None, as_json: bool) -> None:
+    from tensegrity_lab.reports.markdown import write_into
+    from tests.benchmarks.imu import measure
+
+    cores = threads or min(2, os.cpu_count() or 1)
+    _say(f"some {rolls} rolls; 600 take a minute on two processors; Ctrl-C leaves at any time, then nothing is written")
+    found = measure.measured(rolls, cores, 1, _say)
+    typer.echo(json.dumps(measure.document_of(found)) if as_json else measure.text_of(found))
+    if page:
+        write_into(page, "imu", measure.text_of(found))
+        wrote(page, err=as_json)
 
 
 def _in_mujoco(name: str, robots: int, threads: int | None, page: Path | None, as_json: bool, prototype: Path | None) -> None:
