@@ -20,6 +20,7 @@ LOOKS = 5
 """Samples between shapes of the twin."""
 MOUNTED_RAD = math.radians(1.0)
 """What a calibration leaves of the mounting."""
+SETTLE_S = 6.0
 Sample = tuple[float, NDArray[np.float64], NDArray[np.float64]]
 
 
@@ -95,10 +96,17 @@ class SensedRobot:
             while self.time_s < end_s and (self.watch.known != until if until else self.driven):
                 self.step()
 
+    def rest(self) -> None:
+        """As the planner waits: until a word says that it is at rest, or for `SETTLE_S`."""
+        end_s = self.time_s + SETTLE_S
+        while self.time_s < end_s and not ((word := self.step()) and word.settled):
+            pass
+        self.wait(0.2)
+
     def roll(self, policy: Sequence[int]) -> str:
         """A roll from rest to rest in neutral; the face that it stands on then (empty: on none)."""
         self.drive(policy)
         self.wait(2.0)
         self.drive(None)
-        self.wait(2.0)
+        self.rest()
         return self.robot.footing().face or ""

@@ -99,7 +99,7 @@ def _chain(robot: SensedRobot, shelf: Library, face: str, rng: np.random.Generat
             break
         robot.wait(DWELLS_S + roll.dwell_s)
     robot.drive(None)
-    robot.wait(2.0)
+    robot.rest()
     return made
 
 
