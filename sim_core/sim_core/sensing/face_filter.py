@@ -50,7 +50,7 @@ class FilterRules(NamedTuple):
 
     known_rad: float = math.radians(2.0)
     unknown_rad: float = math.radians(6.5)
-    center_m: float = 0.006
+    center_m: float = 0.0045
     pull_s: float = 0.4
     loud: float = 0.1
     quiet_rad_s: float = math.radians(3.0)
