@@ -105,7 +105,7 @@ class Duty:
         own_s = np.vstack((np.zeros(len(STRUT_NAMES)), np.cumsum(runs_s, axis=0)))
         gone = np.maximum(0, steps + 1 - math.ceil((window_s + SPELL_S) / step_s))
         before_s = used_s[np.searchsorted(fades_s, steps * step_s, side="right")]
-        return (before_s + own_s[1:] - own_s[gone]).max(axis=0)
+        return np.asarray((before_s + own_s[1:] - own_s[gone]).max(axis=0))
 
     def wait_s(self, runs_s: NDArray[np.float64], now_s: float, limits: Limits, step_s: float = 1.0) -> float:
         """Rest in [s] after which `runs_s` (6,) or (n, 6), see `most_used_s`, exceeds no window. Infinite: none is enough."""

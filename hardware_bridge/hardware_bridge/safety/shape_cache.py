@@ -95,12 +95,11 @@ class ShapeMemory:
             if key in self._rows:
                 return tuple(self._loads[self._rows[key]].tolist())
             near = self._near(key)
-            return tuple(self._loads[: len(near)][near].any(axis=0).tolist()) if near.any() else ALL_LOADS
+            return tuple(np.asarray(self._loads[: len(near)][near].any(axis=0)).tolist()) if near.any() else ALL_LOADS
 
     def _near(self, key: tuple[float, ...]) -> NDArray[np.bool_]:
         """Which rows are permitted shapes near one."""
-        near: NDArray[np.bool_] = (np.abs(self._shapes[: len(self._problems)] - key) <= self._near_m).all(axis=1)
-        return near
+        return np.asarray((np.abs(self._shapes[: len(self._problems)] - key) <= self._near_m).all(axis=1))
 
 
 def _key(lengths_m: Sequence[float]) -> tuple[float, ...]:

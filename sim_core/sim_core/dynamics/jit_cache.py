@@ -61,6 +61,7 @@ KERNEL_SOURCES = (
     "rolling/batch.py",
     "rolling/quasi_static.py",
     "rolling/roll_monitor.py",
+    "sensing/face_filter.py",
     "structure/topology.py",
 )
 """The functions that `rolling.warm_up` compiles, and whatever compiled functions use of other files."""

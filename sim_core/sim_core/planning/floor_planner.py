@@ -364,7 +364,7 @@ def _undominated(choices: Sequence[Choice], climbs_deg: Callable[[Gait], float],
 
 
 def _centred(joints_m: Array) -> Array:
-    return joints_m[:, :2] - joints_m[:, :2].mean(axis=0)
+    return np.asarray(joints_m[:, :2] - joints_m[:, :2].mean(axis=0))
 
 
 def _relabelled(settled: Mapping[str, Array], model: Model, face: str) -> Array:

@@ -87,7 +87,7 @@ def turn_onto(source: Array, target: Array) -> Array:
 def best_fit(body: Array, world: Array) -> Array:
     """The proper rotation R that best carries centred `body` points onto centred `world` points, both (n, 3) (Kabsch)."""
     u, _, vt = np.linalg.svd((world - world.mean(axis=0)).T @ (body - body.mean(axis=0)))
-    return u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt
+    return np.asarray(u @ np.diag([1.0, 1.0, np.sign(np.linalg.det(u @ vt))]) @ vt)
 
 
 def about_z(angle_rad: float) -> Array:

@@ -63,7 +63,7 @@ def _tried(found: Fit, seen: Sequence[Seen]) -> dict[Roll, float]:
     tried = list(dict.fromkeys(one.roll for one in seen))
     observed = np.array([one.won for one in seen])
     lapse = found.lapses[-1]
-    each: Array = np.where(found.wins == observed, np.log1p(-lapse), np.log(lapse))
+    each: Array = np.asarray(np.where(found.wins == observed, np.log1p(-lapse), np.log(lapse)))
     own = np.array([each[:, [one.roll == roll for one in seen]].sum(axis=1) for roll in tried]).T
     first = [next(number for number, one in enumerate(seen) if one.roll == roll) for roll in tried]
     return dict(zip(tried, predictive_without_own(found.wins[:, first], found.weights, own, found.lapse).tolist(), strict=True))

@@ -72,7 +72,7 @@ def normalised(log_weights: Array) -> Array:
     if not log_weights.size:
         raise SimError("an ensemble without members has no weights: draw at least one")
     weights: Array = np.exp(log_weights - logsumexp(log_weights))
-    return weights / weights.sum()
+    return np.asarray(weights / weights.sum())
 
 
 def softened(wins: NDArray[np.bool_], observed: NDArray[np.bool_], lapse: float, log_base: Array, least: float) -> float:

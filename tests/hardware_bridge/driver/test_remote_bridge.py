@@ -94,7 +94,8 @@ def test_a_motion_goes_through_with_progress_and_events_in_order(remote):
     sent = [event for event in remote.events if isinstance(event, SentEvent)]
     assert [event.seq for event in sent] == sorted(event.seq for event in sent)
     assert {event.session for event in sent} == {bridge.snapshot().session}
-    assert len(remote.wire.moves()) == bridge.snapshot().frames_sent
+    # a snapshot comes after its frame
+    wait_for(lambda: len(remote.wire.moves()) == bridge.snapshot().frames_sent, "a snapshot that counts the last frame")
 
 
 def test_errors_come_over_with_their_data(remote):

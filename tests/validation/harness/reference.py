@@ -21,7 +21,7 @@ _STEP = 1e-30
 
 def _length(vector: Numbers) -> Numbers:
     """Norm over the last axis that stays analytic for complex numbers."""
-    return np.sqrt((vector * vector).sum(axis=-1))
+    return np.asarray(np.sqrt((vector * vector).sum(axis=-1)))
 
 
 def elastic_energy(e: Elements, rest_m: Array, x: Numbers, r: Numbers) -> Numbers:
