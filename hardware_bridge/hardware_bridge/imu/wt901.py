@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """WitMotion WT901 and its family over serial: frames of 11 bytes, `55 type d0..d7 sum`, little-endian; it sends, nobody asks.
 
-Source: WitMotion, "WT901 datasheet" v20-0702, chapter 5.1. Usual are 9600 baud and 10 Hz of the types 51 to 54; 115200 baud and
-100 Hz, with type 59, is what `docs/guide/imu.md` asks for. The sum is the low byte of that of the ten bytes before it.
+Source: WitMotion, "WT901 datasheet" v20-0702, chapter 5.1. The sum is the low byte of that of the ten bytes before it.
 """
 
+import math
 import struct
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,7 +15,7 @@ ACCELERATION, RATE, ANGLES, QUATERNION = 0x51, 0x52, 0x53, 0x59
 TYPES = range(0x50, 0x5B)
 """Of frames that the family sends: time, the four above, magnetic field, ports, pressure, place, speed, satellites."""
 LENGTH = 11
-RANGE_G, RANGE_DEG_S, RANGE_DEG = 16.0, 2000.0, 180.0
+RANGE_M_S2, RANGE_RAD_S = 16.0 * GRAVITY_M_S2, math.radians(2000.0)
 _FULL = 32768.0
 _FOUR = struct.Struct("<4h")
 
@@ -80,9 +80,6 @@ class Measurement:
     quaternion: tuple[float, float, float, float] | None = None
 
 
-_RAD = 3.141592653589793 / 180.0
-
-
 class Rounds:
     """Joins frames to measurements: a round begins with an acceleration and is told when the next one begins."""
 
@@ -97,8 +94,8 @@ class Rounds:
         done, self._round = self._round, {ACCELERATION: frame}
         if ACCELERATION not in done or RATE not in done:
             return None
-        x, y, z, _ = (word / _FULL * RANGE_G * GRAVITY_M_S2 for word in done[ACCELERATION].words)
-        p, q, r, _ = (word / _FULL * RANGE_DEG_S * _RAD for word in done[RATE].words)
+        x, y, z, _ = (word / _FULL * RANGE_M_S2 for word in done[ACCELERATION].words)
+        p, q, r, _ = (word / _FULL * RANGE_RAD_S for word in done[RATE].words)
         turn = done.get(QUATERNION)
         a, b, c, d = (word / _FULL for word in turn.words) if turn else (0.0, 0.0, 0.0, 0.0)
         return Measurement((x, y, z), (p, q, r), (a, b, c, d) if turn else None)
@@ -107,8 +104,8 @@ class Rounds:
 def frames_of(measurement: Measurement) -> bytes:
     """What a sensor sends of a measurement: acceleration, rate and, if there is one, quaternion; saturated at its ranges."""
     frames = [
-        (ACCELERATION, [value / GRAVITY_M_S2 / RANGE_G for value in measurement.acceleration_m_s2]),
-        (RATE, [value / _RAD / RANGE_DEG_S for value in measurement.rate_rad_s]),
+        (ACCELERATION, [value / RANGE_M_S2 for value in measurement.acceleration_m_s2]),
+        (RATE, [value / RANGE_RAD_S for value in measurement.rate_rad_s]),
     ]
     if measurement.quaternion is not None:
         frames.append((QUATERNION, list(measurement.quaternion)))

@@ -6,11 +6,11 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from hardware_bridge.imu.wt901 import GRAVITY_M_S2
 from sim_core.dynamics import vfife as k
 from sim_core.dynamics.robot import Robot
 from sim_core.structure.rotations import matrix_of, relative_quaternion, unit
 
-GRAVITY_M_S2 = 9.80665
 MOUNTED_OFF_RAD = math.radians(5.0)
 RATE_BIAS_RAD_S = math.radians(0.5)
 RATE_NOISE_RAD_S = math.radians(0.1)

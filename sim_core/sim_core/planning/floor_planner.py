@@ -186,7 +186,7 @@ class Floor:
         return Stance(target, stance.x_m + c * x - s * y, stance.y_m + s * x + c * y, yaw)
 
     def shift(self, gait: Gait) -> Shift:
-        """Where a gait's roll ends, from rest to rest: its primitive is rolled once (30 ms), which is kept."""
+        """Where a gait's roll ends, from rest to rest: its primitive is rolled once on the nominal robot, which is kept."""
         roll_class, policy = gait.primitive.roll_class, gait.primitive.policy
         key = roll_class.source, policy
         if key not in self._shifts:

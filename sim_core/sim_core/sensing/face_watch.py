@@ -220,12 +220,15 @@ class FaceWatch:
     def _doubted(self, why: str) -> Word:
         self.doubt = f"{why}: was it turned by hand, or did the sensor slip in its mount? Say the face"
         self.known, self._told = "", ("", False)
-        self._state = None
+        self._begin_anew()
         return Word("", False, self.doubt)
+
+    def _begin_anew(self) -> None:
+        self._state, self._belief = None, _prior("", moved=True)
 
     def _lost(self, why: str) -> Word | None:
         """Measurements cannot be used: it begins anew. What was known stays known, unless struts move."""
-        self._state, self._belief = None, _prior("", moved=True)
+        self._begin_anew()
         if not (self._moved and self.known):
             return None
         self.known, self._told = "", ("", False)

@@ -118,6 +118,7 @@ def test_a_robot_that_is_turned_by_hand_is_on_an_unknown_face_until_somebody_say
     robot.wait(3.0)
     assert robot.words[-1][1][:2] == ("", False)
     robot.watch.said("TC6")
+    assert robot.watch.doubt, "what it found before counts no more"
     robot.wait(1.0)
     assert robot.watch.doubt, "the sensor does not agree"
     robot.spoil = lambda sample: sample

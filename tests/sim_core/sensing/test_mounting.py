@@ -26,7 +26,7 @@ def felt_by(model, seed, faces=FACES):
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3, 4])
-def test_it_is_found_within_a_degree(model, seed):
+def test_it_is_found_within_little_more_than_a_degree(model, seed):
     felt, mounting = felt_by(model, seed)
     found = found_mounting(model, felt, box_share(model))
     angle = math.acos(min(1.0, (np.trace(found.rotation @ mounting.T) - 1.0) / 2.0))

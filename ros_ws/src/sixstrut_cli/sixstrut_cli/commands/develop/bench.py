@@ -46,11 +46,13 @@ def command(
     import_checkout()
     if page and (quick or prototype is not None):
         raise typer.BadParameter("the page is of a whole run: leave --quick and --prototype out", param_hint="--page")
-    name = "rolling_on.md" if library else "benchmark_stack.md" if stack else "benchmark.md"
-    path = results_page(name) if page else output_folder("bench", output) / name
     if imu:
+        if stack or library is not None or output is not None or prototype is not None:
+            raise typer.BadParameter("it writes no file and measures nothing else: leave the others out", param_hint="--imu")
         _tell_faces(600 if quick else 30_000, threads, results_page("imu.md") if page else None, as_json)
         return
+    name = "rolling_on.md" if library else "benchmark_stack.md" if stack else "benchmark.md"
+    path = results_page(name) if page else output_folder("bench", output) / name
     announce("measuring, about five minutes; --quick one or two; Ctrl-C leaves at any time, then nothing is written")
     if library is not None:
         _in_mujoco(library, 4 if quick else 20, threads, path if page else None, as_json, prototype)
