@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from hardware_bridge.virtual_prototype.inertial_sensor import InertialSensor
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import Robot
+from sim_core.sensing.face_filter import box_share
 from sim_core.sensing.face_watch import FaceWatch, Word
 from sim_core.structure.policy import in_stages, lengths_of, neutral_lengths
 from sim_core.uncertainty.perturbation_law import inclined, perturb
@@ -22,11 +23,6 @@ MOUNTED_RAD = math.radians(1.0)
 """What a calibration leaves of the mounting."""
 SETTLE_S = 6.0
 Sample = tuple[float, NDArray[np.float64], NDArray[np.float64]]
-
-
-def box_share(model: Model) -> float:
-    """Of the box in the robot's mass."""
-    return model.prototype.box_mass_kg / math.fsum(model.elements.mass_kg)
 
 
 @dataclass

@@ -357,7 +357,7 @@ class Bridge:
 
         Args:
             face: `TC1`…`TC8`, `TO1`…`TO12`, or empty: on no face.
-            source: `operator`, `prototype` or `external`.
+            source: one of `events.SOURCES`.
             settled: the robot had come to rest.
             detail: for people.
 

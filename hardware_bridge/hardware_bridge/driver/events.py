@@ -11,7 +11,7 @@ from hardware_bridge.safety.supervisor_messages import Mode
 _log = logging.getLogger(__name__)
 
 FACES = (*(f"TC{number}" for number in range(1, 9)), *(f"TO{number}" for number in range(1, 13)))
-SOURCES = ("operator", "prototype", "external")
+SOURCES = ("operator", "prototype", "external", "imu")
 """Who may observe a face. A *predicted* face is no observation and is not part of the stream."""
 
 

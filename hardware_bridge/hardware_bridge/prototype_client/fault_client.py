@@ -37,6 +37,9 @@ FAULTS: Mapping[str, tuple[bool, Mapping[str, Option]]] = {
     "brown_out": (False, {"volts": Option(0.0, 60.0, 5.0), "seconds": Option(0.1, 600.0, 5.0)}),  # sags, and resets the board
     "battery": (False, {"volts": Option(0.0, 60.0, 6.0)}),  # the supply has this voltage, until clear
     "stall": (False, {"strut": Option(1, 6, 1)}),  # the strut stays where it was last sent, until clear
+    "imu_unplugged": (False, {}),  # the inertial sensor's port vanishes, until clear
+    "imu_frozen": (False, {}),  # the inertial sensor repeats its last figures, until clear
+    "imu_turned": (False, {"degrees": Option(1.0, 180.0, 60.0)}),  # it slips in its mount, for good
     "clear": (False, {}),
 }
 

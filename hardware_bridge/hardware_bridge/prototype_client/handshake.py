@@ -76,6 +76,11 @@ def faults_path(link: Path) -> Path:
     return link.with_name(link.name + ".faults")
 
 
+def imu_path(link: Path) -> Path:
+    """The link to the pty of its inertial sensor, if it has one."""
+    return link.with_name(link.name + ".imu")
+
+
 def read_handshake(port: str) -> Handshake | None:
     """The handshake of the living prototype behind `port`, or None: a real port."""
     return examine(port)[0]

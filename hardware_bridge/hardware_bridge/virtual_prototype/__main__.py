@@ -15,10 +15,11 @@ from hardware_bridge.boards.registry import VALID, parse_board
 from hardware_bridge.calibration.calibration_file import load_calibration
 from hardware_bridge.driver.events import FACES
 from hardware_bridge.errors import BridgeError, ParameterError
-from hardware_bridge.prototype_client.handshake import default_link
+from hardware_bridge.prototype_client.handshake import default_link, imu_path
 from hardware_bridge.virtual_prototype.boards.maestro import ControlCenter
 from hardware_bridge.virtual_prototype.boards.registry import emulate
 from hardware_bridge.virtual_prototype.body import ActuatedBody, SimulatedBody
+from hardware_bridge.virtual_prototype.imu_line import ImuLine
 from hardware_bridge.virtual_prototype.main_loop import VirtualPrototype
 from sim_core.dynamics.actuators import STAND_IN, require_actuators
 from sim_core.errors import SimError
@@ -47,7 +48,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 0
         settings = ControlCenter(options.maestro_home, options.maestro_timeout)
         board = emulate(options.board, options.baud, settings)
-        prototype = VirtualPrototype(options.link, body, calibration, board, options.time_scale)
+        imu = None if options.imu is None else ImuLine(imu_path(options.link), body.sensor(options.seed), options.time_scale)
+        prototype = VirtualPrototype(options.link, body, calibration, board, options.time_scale, imu)
     except (BridgeError, SimError) as error:
         print(error, file=sys.stderr)
         return 1
@@ -93,6 +95,8 @@ def _parser() -> argparse.ArgumentParser:
     for option, kind, default, about in defaults:
         parser.add_argument(option, type=kind, default=default, help=f"{about} (default: %(default)s)")
     parser.add_argument("--baud", type=_baud, help="between radio and board (default: 9600 for lsc, else 115200)")
+    imu = "put an inertial sensor into the box, on a port of its own at the link's name with .imu: wt901 (default: none)"
+    parser.add_argument("--imu", choices=("wt901",), help=imu)
     home = "where an error sends a Maestro's channels: ignore (default), off, or a pulse in us"
     parser.add_argument("--maestro-home", type=_home, help=home)
     timeout = "a Maestro's serial time-out in seconds of robot time (default: off)"

@@ -5,6 +5,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hardware_bridge.prototype_client.observation import Observation
+from hardware_bridge.virtual_prototype.inertial_sensor import InertialSensor
 from sim_core.dynamics import actuators
 from sim_core.dynamics.actuators import ActuatorParameters, following
 from sim_core.twin.rest_detector import OBSERVER_HOLD_S, RestWatch
@@ -88,6 +89,10 @@ class SimulatedBody:
     def take_brown_out(self) -> bool:
         """Whether the supply has been too low for the board since this was last asked."""
         return False
+
+    def sensor(self, seed: int) -> InertialSensor:
+        """An inertial sensor in its box, with errors that the seed draws."""
+        return InertialSensor(self._robot, seed)
 
     def observe(self) -> Observation:
         """What can be seen now."""

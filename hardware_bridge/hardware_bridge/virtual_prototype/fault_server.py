@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from hardware_bridge.prototype_client import private_files
 from hardware_bridge.prototype_client.fault_client import TO_BOARD, check_fault
 from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoard
+from hardware_bridge.virtual_prototype.imu_line import ImuLine
 from hardware_bridge.virtual_prototype.line_faults import Direction
 from hardware_bridge.virtual_prototype.pty_port import PseudoPort
 
@@ -30,12 +31,15 @@ class Faults:
         to_board, from_board: the two ways of the line.
     """
 
-    def __init__(self, path: Path, port: PseudoPort, board: EmulatedBoard, identity: Mapping[str, object]) -> None:
+    def __init__(
+        self, path: Path, port: PseudoPort, board: EmulatedBoard, identity: Mapping[str, object], imu: ImuLine | None = None
+    ) -> None:
         self.to_board, self.from_board = Direction(), Direction()
         self._path = path
         self._identity = identity
         self._port = port
         self._board = board
+        self._imu = imu
         self._battery_mv = board.battery_mv
         self._supply_v: float | None = None
         self._sags_until_s = math.inf
@@ -86,6 +90,10 @@ class Faults:
             fault, direction, numbers = check_fault(request)
         except ValueError as error:
             return {"error": str(error)}
+        if fault.startswith("imu_"):
+            if self._imu is None:
+                return {"error": f"{fault} needs an inertial sensor: start the prototype with --imu"}
+            self._imu.fail(fault, numbers)
         self._begin(fault, self.to_board if direction == TO_BOARD else self.from_board, numbers, now_s)
         return {"robot_time_s": now_s}
 
@@ -113,12 +121,17 @@ class Faults:
             case "stall":
                 self._stalling.add(int(numbers["strut"]) - 1)
             case "clear":
-                self.to_board.clear()
-                self.from_board.clear()
-                self._port.hold_back(False)
-                self._end_sag()
-                self._stalling.clear()
-                self._stalled_m.clear()
+                self._clear()
+
+    def _clear(self) -> None:
+        self.to_board.clear()
+        self.from_board.clear()
+        self._port.hold_back(False)
+        self._end_sag()
+        self._stalling.clear()
+        self._stalled_m.clear()
+        if self._imu is not None:
+            self._imu.mend()
 
     def _end_sag(self) -> None:
         if self._supply_v is not None:

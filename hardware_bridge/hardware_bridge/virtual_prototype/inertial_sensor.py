@@ -13,7 +13,7 @@ from sim_core.structure.rotations import matrix_of, relative_quaternion, unit
 
 MOUNTED_OFF_RAD = math.radians(5.0)
 RATE_BIAS_RAD_S = math.radians(0.5)
-RATE_NOISE_RAD_S = math.radians(0.1)
+RATE_NOISE_RAD_S = math.radians(0.2)
 ACCELERATION_NOISE_M_S2 = 0.01 * GRAVITY_M_S2
 """Stand-in figures of a cheap sensor; the bias of each axis is drawn up to its own."""
 RANGE_M_S2 = 4.0 * GRAVITY_M_S2

@@ -19,6 +19,7 @@ from hardware_bridge.virtual_prototype.boards.emulated_board import EmulatedBoar
 from hardware_bridge.virtual_prototype.boards.pulse_outputs import Outputs
 from hardware_bridge.virtual_prototype.body import SimulatedBody
 from hardware_bridge.virtual_prototype.fault_server import Faults
+from hardware_bridge.virtual_prototype.imu_line import ImuLine
 from hardware_bridge.virtual_prototype.observer_server import PERIOD_S, Observer
 from hardware_bridge.virtual_prototype.pty_port import PseudoPort
 
@@ -48,6 +49,7 @@ class VirtualPrototype:
         calibration: the prototype's own, true one.
         board: what takes the bytes.
         time_scale: robot seconds per second.
+        imu: in its box, if there is one.
 
     Raises:
         PrototypeError: the link is taken, or cannot be made.
@@ -60,7 +62,9 @@ class VirtualPrototype:
         calibration: Calibration,
         board: EmulatedBoard,
         time_scale: float = 1.0,
+        imu: ImuLine | None = None,
     ) -> None:
+        self._imu = imu
         self._body = body
         self._calibration = calibration
         self._board = board
@@ -78,7 +82,7 @@ class VirtualPrototype:
                 "time_scale": time_scale,
                 "board": self._board.spec,
             }
-            self._faults = Faults(faults_path(link), self._port, self._board, identity)
+            self._faults = Faults(faults_path(link), self._port, self._board, identity, imu)
         except OSError as error:
             self._port.close()
             raise PrototypeError(str(link), error.strerror or str(error)) from error
@@ -121,6 +125,8 @@ class VirtualPrototype:
         self._observer.close()
         self._faults.close()
         self._port.close()
+        if self._imu is not None:
+            self._imu.close()
 
     def _attend_supply(self, now_s: float) -> None:
         """The board hangs on the same supply as the motors: it tells the voltage, and resets when that is too low."""
@@ -151,6 +157,8 @@ class VirtualPrototype:
             self._body.set_targets(self._targets_m)
             before_s = self._body.time_s
             self._body.advance_to(time_s + 1e-9)
+            if self._imu is not None:
+                self._imu.advance(self._body.time_s)
             if self._body.time_s >= self._observe_s:
                 self._observe_s += PERIOD_S
                 self._observer.tell(replace(self._body.observe(), late_s=self._late_s))

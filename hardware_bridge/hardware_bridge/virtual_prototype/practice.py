@@ -5,9 +5,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from types import MappingProxyType
 
 from hardware_bridge.driver.child_process import bound
 from hardware_bridge.errors import PrototypeError
@@ -19,12 +20,15 @@ START_LIMIT_S = 180.0
 
 
 @contextmanager
-def practice_prototype(time_scale: float = 1.0, board: str = "lsc") -> Iterator[Path]:
+def practice_prototype(
+    time_scale: float = 1.0, board: str = "lsc", more: Mapping[str, object] = MappingProxyType({})
+) -> Iterator[Path]:
     """A virtual prototype of its own, until the end of the block.
 
     Args:
         time_scale: robot seconds per second.
         board: the servo board it emulates, as `parse_board` takes it.
+        more: of its options, without dashes.
 
     Yields:
         its port, alone in a folder that goes with it: a good place for the records of a robot that will be gone as well.
@@ -36,6 +40,7 @@ def practice_prototype(time_scale: float = 1.0, board: str = "lsc") -> Iterator[
         link = Path(folder) / "prototype"
         words = ["-m", "hardware_bridge.virtual_prototype", "--link", str(link), "--board", board]
         words += ["--time-scale", f"{time_scale:g}"]
+        words += [word for name, value in more.items() for word in (f"--{name}", str(value))]
         complaint = Path(folder) / "stderr"
         with complaint.open("wb") as errors:
             child = subprocess.Popen(

@@ -30,6 +30,8 @@ setup(
             "gait_planner = tensegrity_robot.planner.gait_planner_node:main",
             "traveller = tensegrity_robot.planner.traveller_node:main",
             "hardware_bridge = tensegrity_robot.bridge.hardware_bridge_node:main",
+            "imu_driver = tensegrity_robot.imu.imu_driver_node:main",
+            "face_estimator = tensegrity_robot.imu.face_estimator_node:main",
             # hardware_bridge's own executable, so that one package name starts every process of a session
             "virtual_prototype = hardware_bridge.virtual_prototype.__main__:main",
         ],

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_core.dynamics.jit_cache import njit
+from sim_core.dynamics.model import Model
 from sim_core.structure.arrays import Array
 from sim_core.structure.rotations import matrix_of
 from sim_core.structure.topology import FACES
@@ -90,6 +91,11 @@ def shape_of(joints_m: Array, box_m: Array, box_quaternion: Array, box_share: fl
     normals /= np.linalg.norm(normals, axis=1)[:, None]
     turn = matrix_of(box_quaternion)
     return Shape(np.ascontiguousarray(corners @ turn), np.ascontiguousarray(normals @ turn))
+
+
+def box_share(model: Model) -> float:
+    """Of the box in the robot's mass."""
+    return model.prototype.box_mass_kg / math.fsum(model.elements.mass_kg)
 
 
 def new_state(acceleration: Array) -> Array:

@@ -34,6 +34,7 @@ REST_S = 0.6
 ANCHOR_S, TIPPED_RAD, FIRM_M = 2.0, 0.1, 0.008
 """As long as the robot is on a face, the floor's normal follows that of the face in this time; not once it has tipped so far, nor
 when its centre of mass comes so near to an edge: it may tip slowly."""
+_SLIPPED = ": was it turned by hand, or did the sensor slip in its mount?"
 SHOWS_RAD = 0.004
 """A motion of the struts turns the box by this much at least, or nothing was moved worth telling."""
 
@@ -77,6 +78,7 @@ class FaceWatch:
     _moved: bool = False
     _told: tuple[str, bool] = ("", False)
     _before: str = ""
+    _vouched: str = ""
     _looked_s: float = 0.0
     _seen: tuple[str, bool] = ("", False)
     _seen_s: float = 0.0
@@ -91,15 +93,14 @@ class FaceWatch:
     def struts(self, driven: bool) -> None:
         """Whether struts are driven now."""
         if driven and not self._driven:
-            self._moved, self._shown_rad, self._told = True, 0.0, (self.known, False)
+            self._moved, self._shown_rad, self._told, self._vouched = True, 0.0, (self.known, False), ""
         if driven:
             self._driven_s = self._time_s
         self._driven = driven
 
     def said(self, face: str) -> None:
         """Somebody else says the face (empty: on none, or nobody knows). A doubt ends if the sensor agrees."""
-        if self.doubt and face and self._best() == (face, True):
-            self.doubt = ""
+        self._vouched = face
         self.known, self._told = face, (face, True)
         self._before = face or self._before
         if not self._driven:
@@ -122,7 +123,7 @@ class FaceWatch:
         f.track(self._state, dt_s, rate_rad_s, acceleration_m_s2, not self._driven, self.rules)
         self._shown_rad += dt_s * max(0.0, float(np.linalg.norm(rate_rad_s - self._state[f.BIAS : f.BIAS + 3])) - 0.02)
         if self._state[f.APART_S] > APART_S and not self.doubt:
-            return self._doubted("the sensor's accelerations turned and its rates did not")
+            return self._doubted(f"the sensor's accelerations turned and its rates did not{_SLIPPED}")
         if time_s - self._looked_s < LOOK_S - 1e-6:
             return None
         self._looked_s = time_s
@@ -156,6 +157,18 @@ class FaceWatch:
         late_s = time_s - self._time_s
         return self._lost(f"no measurement came for {late_s:.1f} s") if self._state is not None and late_s > 2.0 * GAP_S else None
 
+    def distrust(self, why: str) -> Word | None:
+        """The measurements may be somebody else's: news, unless that is known already."""
+        return None if self.doubt else self._doubted(why)
+
+    def begin_anew(self) -> None:
+        """What was measured is of another time. What was said stays known."""
+        self._state, self._belief, self._vouched = None, _prior("", moved=True), ""
+
+    def tell_again(self) -> None:
+        """What was said was not heard."""
+        self._told = ("", False)
+
     # ---- what is known ----------------------------------------------------------------------------------------------
 
     @property
@@ -166,7 +179,7 @@ class FaceWatch:
     @property
     def moving(self) -> bool:
         """The robot moves, or was not quiet for long enough yet."""
-        return self._state is None or self._state[f.QUIET_S] < REST_S or self._time_s - self._driven_s < REST_S
+        return self._state is None or bool(self._state[f.QUIET_S] < REST_S) or self._time_s - self._driven_s < REST_S
 
     @property
     def residual_rad(self) -> float:
@@ -187,18 +200,21 @@ class FaceWatch:
         (face, sure), settled = self._best(), not self.moving
         if (face, sure) != self._seen:
             self._seen, self._seen_s = (face, sure), self._time_s
+        if self.doubt and settled and sure and face == self._vouched:
+            self.doubt = ""
         unmoved = self._moved and self._shown_rad < SHOWS_RAD  # late, or not fixed to the box: what it tells is from before
         if self.doubt or unmoved or self._time_s - self._seen_s < LASTS_S - 1e-6:
             return None
         if not sure or not face:
             return self._unsure() if settled and self._time_s - self._seen_s > UNSURE_S else None
         if self.known and face != self.known and not self._moved:
-            why = f"it stood on {self.known} and stands on {face}, though no strut was driven"
+            why = f"it stood on {self.known} and stands on {face}, though no strut was driven{_SLIPPED}"
             return self._doubted(why) if settled else None
         if not settled and (self._state[f.SLOPE_KNOWN] == 0.0 or face == self.known):
             return None
         if self._before not in ("", face) and NAMES.index(face) not in BESIDE[NAMES.index(self._before)]:
-            return self._doubted(f"it stood on {self._before} and stands on {face}, which is not beside it") if settled else None
+            why = f"it stood on {self._before} and stands on {face}, which is not beside it{_SLIPPED}"
+            return self._doubted(why) if settled else None
         if settled:
             f.anchor(self._state, self._shape.normals, NAMES.index(face))
             self._moved = False
@@ -218,17 +234,14 @@ class FaceWatch:
         return Word("", False, f"it stood on {known}; {fits}, which is not sure")
 
     def _doubted(self, why: str) -> Word:
-        self.doubt = f"{why}: was it turned by hand, or did the sensor slip in its mount? Say the face"
+        self.doubt = f"{why}; say the face when that is mended"
         self.known, self._told = "", ("", False)
-        self._begin_anew()
+        self.begin_anew()
         return Word("", False, self.doubt)
-
-    def _begin_anew(self) -> None:
-        self._state, self._belief = None, _prior("", moved=True)
 
     def _lost(self, why: str) -> Word | None:
         """Measurements cannot be used: it begins anew. What was known stays known, unless struts move."""
-        self._begin_anew()
+        self.begin_anew()
         if not (self._moved and self.known):
             return None
         self.known, self._told = "", ("", False)

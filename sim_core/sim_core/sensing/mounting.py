@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an inertial sensor sits in the box, from where it feels up on faces that somebody knows."""
+"""How an inertial sensor sits in the box, from where it feels up on faces that somebody knows; and the file that keeps it."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -10,9 +11,11 @@ from scipy.spatial.transform import Rotation
 
 from sim_core.dynamics.model import Model
 from sim_core.dynamics.robot import Robot
-from sim_core.errors import ParameterError
+from sim_core.errors import ParameterError, brief
+from sim_core.files.yaml_reader import read_yaml_or, sealed
 from sim_core.sensing.face_filter import NAMES, shape_of
 from sim_core.structure.arrays import Array
+from sim_core.structure.rotations import matrix_of, quaternion_of
 
 LEAST_FACES = 3
 MOST_OFF_RAD = math.radians(4.0)
@@ -65,3 +68,25 @@ def found_mounting(model: Model, felt: Mapping[str, Array], box_share: float) ->
             f"{math.degrees(MOST_OFF_RAD):g}; name the faces again, on a level floor, and see that the sensor is fixed"
         )
     return Mounting(rotation, off_rad)
+
+
+def mounting_text(mounting: Mounting) -> str:
+    """The YAML."""
+    w, x, y, z = (float(value) for value in quaternion_of(mounting.rotation))
+    off = ", ".join(f"{face}: {math.degrees(off_rad):.2f}" for face, off_rad in mounting.off_rad.items())
+    return sealed(
+        "# How the inertial sensor sits in the box of one robot, found with `./sixstrut calibrate imu`.\n"
+        f"quaternion: [{w:.6f}, {x:.6f}, {y:.6f}, {z:.6f}]  # w x y z, from the sensor's axes to the box's\n"
+        f"off_deg: {{{off}}}  # how badly each face fitted\n"
+    )
+
+
+def load_mounting(path: Path | str) -> Array:
+    """The rotation from the sensor's axes to the box's, (3, 3), as a file has it. Raises ParameterError."""
+    found = read_yaml_or(ParameterError, path, "mounting", "; find it with: ./sixstrut calibrate imu")
+    values = found.get("quaternion") if isinstance(found, Mapping) else None
+    if isinstance(values, Sequence) and not isinstance(values, str) and len(values) == 4:
+        turn = np.array([value if isinstance(value, int | float) and not isinstance(value, bool) else math.nan for value in values])
+        if abs(float(np.linalg.norm(turn)) - 1.0) < 0.01:
+            return np.asarray(matrix_of(turn / np.linalg.norm(turn)))
+    raise ParameterError(f"mounting {path}: quaternion is {brief(values)}, valid are four numbers w, x, y, z of length 1")

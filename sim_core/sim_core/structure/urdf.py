@@ -11,11 +11,12 @@ from xml.etree import ElementTree
 import numpy as np
 
 from sim_core.names import STRUT_NAMES
+from sim_core.structure.arrays import Array
 from sim_core.structure.elements import elements_of
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.topology import STRUTS
 
-BASE, BOX = "base_link", "box"
+BASE, BOX, IMU = "base_link", "box", "imu_link"
 NODE_NAMES = tuple(f"N{node + 1}" for node in range(12))
 LINKS: dict[str, int] = {
     BOX: 12,
@@ -38,12 +39,13 @@ COLOURS = {
 """Red, green, blue, opacity, of all that is drawn for viewers."""
 
 
-def urdf(prototype: Prototype, prefix: str = "") -> str:
+def urdf(prototype: Prototype, prefix: str = "", mounting: Array | None = None) -> str:
     """The robot's URDF, with masses and inertias.
 
     Args:
         prototype: the robot's numbers.
         prefix: of every link, such as `robot1/`.
+        mounting: rotation (3, 3) from the axes of an inertial sensor, the link `imu_link`, to the box's; None: they are the same.
     """
     e = elements_of(prototype)
     root = ElementTree.Element("robot", name="sixstrut")
@@ -65,6 +67,12 @@ def urdf(prototype: Prototype, prefix: str = "") -> str:
         ElementTree.SubElement(joint, "parent", link=prefix + BASE)
         ElementTree.SubElement(joint, "child", link=prefix + name)
         ElementTree.SubElement(joint, "origin", xyz=_text(e.position_m[at]), rpy=_text(_roll_pitch_yaw(e.frame[at])))
+    ElementTree.SubElement(root, "link", name=prefix + IMU)
+    joint = ElementTree.SubElement(root, "joint", name=f"{prefix}{IMU}_joint", type="fixed")
+    ElementTree.SubElement(joint, "parent", link=prefix + BOX)
+    ElementTree.SubElement(joint, "child", link=prefix + IMU)
+    turn = np.eye(3) if mounting is None else mounting
+    ElementTree.SubElement(joint, "origin", xyz=_text([0.0] * 3), rpy=_text(_roll_pitch_yaw(turn)))
     ElementTree.indent(root)
     return f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n'
 

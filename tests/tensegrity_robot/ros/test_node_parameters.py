@@ -13,6 +13,10 @@ from docs.from_code import interfaces
 from tensegrity_lab.stack.processes import executable
 from tensegrity_robot.bridge.bridge_parameters import BridgeParameters
 from tensegrity_robot.bridge.hardware_bridge_node import ABOUT as BRIDGE
+from tensegrity_robot.imu.face_estimator_node import ABOUT as ESTIMATOR
+from tensegrity_robot.imu.face_estimator_node import EstimatorParameters
+from tensegrity_robot.imu.imu_driver_node import ABOUT as DRIVER
+from tensegrity_robot.imu.imu_driver_node import DriverParameters
 from tensegrity_robot.planner.gait_planner_node import ABOUT as PLANNER
 from tensegrity_robot.planner.gait_planner_node import PlannerParameters
 from tensegrity_robot.planner.traveller_node import ABOUT as TRAVELLER
@@ -28,12 +32,16 @@ NODES = {
     "gait_planner": PlannerParameters,
     "traveller": TravellerParameters,
     "hardware_bridge": BridgeParameters,
+    "imu_driver": DriverParameters,
+    "face_estimator": EstimatorParameters,
 }
 SAYS = {
     "twin": "stands on TC6",
     "gait_planner": "library robust",
     "traveller": "goals on /goal_pose",
     "hardware_bridge": "virtual_prototype",
+    "imu_driver": "trying again each second",
+    "face_estimator": "measurements on /imu/data",
 }
 
 
@@ -73,7 +81,7 @@ def test_help_is_printed_and_nothing_starts(node):
 
 def test_help_names_what_the_nodes_sources_use():
     uses = interfaces._uses(SOURCES)
-    for about in (BRIDGE, TWIN, PLANNER, TRAVELLER):
+    for about in (BRIDGE, TWIN, PLANNER, TRAVELLER, DRIVER, ESTIMATOR):
         assert about.settings is NODES[about.name]
         for told, gives in ((about.gives, True), (about.takes, False)):
             own = {use for use in uses if use.node.removesuffix("_stop") == about.name and use.gives == gives}

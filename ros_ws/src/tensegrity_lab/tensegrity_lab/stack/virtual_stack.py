@@ -14,7 +14,7 @@ from types import MappingProxyType
 from typing import Any
 
 from hardware_bridge.boards.registry import parse_board
-from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
+from hardware_bridge.prototype_client.handshake import Handshake, imu_path, read_handshake
 from sim_core.dynamics.actuators import require_actuators
 from sim_core.files.places import folder_problem, temporary_parent
 from sim_core.gaits.library import load_library
@@ -60,6 +60,12 @@ def start_prototype(stack: Stack, link: Path, words: Mapping[str, object]) -> Ha
     return found[0]
 
 
+def start_sensing(stack: Stack, port: str, mounting: Path) -> None:
+    """Start the driver of an inertial sensor, and what tells the face by it."""
+    stack.node("imu_driver", port=port)
+    stack.node("face_estimator", mounting=mounting.resolve())
+
+
 def recorded_bag(stack: Stack) -> Path | None:
     """What the newest bridge of a stack recorded, by its log: on a busy computer its word of it may not be heard. None: nothing."""
     logs = sorted(stack.folder.glob("hardware_bridge*.log"), key=lambda log: log.stat().st_mtime)
@@ -77,6 +83,7 @@ class VirtualRobot:
         time_scale: robot seconds per second.
         board, actuators, library: names or files.
         bags: folder.
+        mounting: of an inertial sensor in its box, which alone tells its faces; None: its observer does.
     """
 
     face: str = "TC6"
@@ -88,6 +95,7 @@ class VirtualRobot:
     library: str = "robust"
     bags: Path = Path("bags")
     incline_deg: float = 0.0
+    mounting: Path | None = None
 
     def require(self) -> None:
         """Raises SimError, BridgeError: something that cannot be, before anything is started."""
@@ -107,10 +115,11 @@ class VirtualRobot:
     def describe(self) -> str:
         """For people."""
         pace = "real time" if self.time_scale == 1.0 else f"{self.time_scale:g} times real time"
+        eyes = "" if self.mounting is None else "; an inertial sensor tells its faces, nobody sees it"
         ground = f", ground inclined by {self.incline_deg:g} degrees" if self.incline_deg else ""
         return (
             f"virtual prototype, board {self.board}, actuators {self.actuators}, perturbed by ±{100 * self.perturbation:g} % "
-            f"(seed {self.seed}){ground}; {pace}; every roll here is virtual"
+            f"(seed {self.seed}){ground}; {pace}{eyes}; every roll here is virtual"
         )
 
     def start_prototype(self, stack: Stack, link: Path) -> Handshake:
@@ -124,6 +133,8 @@ class VirtualRobot:
             "board": self.board,
             "actuators": self.actuators,
         }
+        if self.mounting is not None:
+            words["imu"] = "wt901"
         return start_prototype(stack, link, words)
 
     def start(self, stack: Stack, folder: Path, traveller: Mapping[str, Any] | None) -> Handshake:
@@ -144,6 +155,10 @@ class VirtualRobot:
         handshake = self.start_prototype(stack, link)
         stack.node("twin", start_face=self.face)
         stack.node("gait_planner", library=self.library, prototype=handshake.instance)
+        observer: dict[str, Any] = {}
+        if self.mounting is not None:
+            start_sensing(stack, str(imu_path(link)), self.mounting)
+            observer = {"observer": "none"}
         if traveller is not None:
             stack.node("traveller", library=self.library, **traveller)
         stack.node(
@@ -154,6 +169,7 @@ class VirtualRobot:
             bag_folder=self.bags.resolve(),
             state_folder=folder,
             library=self.library,
+            **observer,
         )
         return handshake
 

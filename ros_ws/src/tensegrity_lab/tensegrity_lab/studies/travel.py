@@ -1,19 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """One travel of a virtual prototype through the whole stack: real processes, real bytes."""
 
+import math
 from collections.abc import Callable
 from contextlib import closing
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
+from hardware_bridge.prototype_client.observation import Observation
 from hardware_bridge.prototype_client.observer_client import ObserverClient
-from hardware_bridge.recording.bag_reader import read_session
-from hardware_bridge.recording.bag_types import TOPICS
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.policy import neutral_lengths
-from tensegrity_lab.bags.replay import observed_path
 from tensegrity_lab.errors import StackError
 from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
@@ -42,6 +39,7 @@ class Trip:
         bag: file.
         chained: rolls of chains.
         stands: faces that it was seen at rest on, each with (x, y) of its centre in [m].
+        seen_left_m: from the goal to where it was seen at the end; `left_m` is what the traveller knew.
     """
 
     goal_m: tuple[float, float]
@@ -65,6 +63,7 @@ class Trip:
     bag: str
     stands: tuple[tuple[str, float, float], ...] = ()
     chained: int = 0
+    seen_left_m: float = math.nan
 
     @property
     def ratio(self) -> float:
@@ -105,10 +104,11 @@ def travel(
         KeyboardInterrupt: with the struts held and the bag closed.
     """
     late = LateOrders()
+    witness = _Witness(late)
     tell("starting virtual prototype, bridge, planner, traveller and twin")
     with (
         running(robot, "travel", say, domain, {"use_odds": use_odds}) as (stack, handshake),
-        closing(ObserverClient(handshake.observer, late.saw)),
+        closing(ObserverClient(handshake.observer, witness.saw)),
     ):
         result = _operate(stack, handshake.instance, robot, late, goal_m, reach_m, most_rolls, tell)
     recorded = recorded_bag(stack)
@@ -118,9 +118,9 @@ def travel(
     known = goal_m, robot.library, use_odds, robot.seed, robot.incline_deg, robot.perturbation
     end = bool(result.success), str(result.reason), int(result.rolls), int(result.missed)
     ways = float(result.left_m), float(result.path_m), float(result.straight_m), float(result.duration_s)
-    places_m, stands = _seen(bag)
-    faces, chained = tuple(result.face_sequence), int(result.chained)
-    return Trip(*known, *end, *ways, faces, late.worst_s, robot.time_scale, places_m, bag, stands, chained)
+    places_m = tuple(witness.places_m[:: max(1, len(witness.places_m) // POINTS)])
+    faces, seen = tuple(result.face_sequence), (tuple(witness.stands), int(result.chained), witness.left_m(goal_m))
+    return Trip(*known, *end, *ways, faces, late.worst_s, robot.time_scale, places_m, bag, *seen)
 
 
 def _operate(
@@ -156,14 +156,21 @@ def _operate(
             operator.close()
 
 
-def _seen(bag: str) -> tuple[tuple[tuple[float, float], ...], tuple[tuple[str, float, float], ...]]:
-    """Where the observer saw the robot's centre, thinned out; and where it stood on which face."""
-    session = read_session(bag, topics=TOPICS)
-    times_s, joints = observed_path(session, 0.0)
-    centers = joints.mean(axis=1)[:, :2].round(4).tolist()
-    stands: list[tuple[str, float, float]] = []
-    for told in session.of("bridge/face") if centers else ():
-        if told.settled and told.face and (not stands or told.face != stands[-1][0]):
-            x, y = centers[min(int(np.searchsorted(times_s, told.robot_time_ns / 1e9)), len(centers) - 1)]
-            stands.append((str(told.face), x, y))
-    return tuple((x, y) for x, y in centers[:: max(1, len(centers) // POINTS)]), tuple(stands)
+class _Witness:
+    """What the virtual prototype's observer sees, whether anybody in the stack hears of it or not. Comes in another thread."""
+
+    def __init__(self, late: LateOrders):
+        self._late = late
+        self.places_m: list[tuple[float, float]] = []
+        self.stands: list[tuple[str, float, float]] = []
+
+    def saw(self, observation: Observation) -> None:
+        self._late.saw(observation)
+        x, y = (round(float(value), 4) for value in observation.joints_m.mean(axis=0)[:2])
+        self.places_m.append((x, y))
+        if observation.settled and observation.face and (not self.stands or observation.face != self.stands[-1][0]):
+            self.stands.append((observation.face, x, y))
+
+    def left_m(self, goal_m: tuple[float, float]) -> float:
+        """From a goal to where it was seen last."""
+        return math.dist(goal_m, self.places_m[-1]) if self.places_m else math.nan

@@ -1,13 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The bridge's health in words, for `/diagnostics`: names as REP 107 asks, "node: what"."""
-
-from collections.abc import Sequence
-from pathlib import PurePath
-from typing import NamedTuple
-
-from builtin_interfaces.msg import Time
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from std_msgs.msg import Header
+"""The bridge's health in words, for `/diagnostics`."""
 
 from hardware_bridge.driver.events import Snapshot
 from hardware_bridge.link.board_link import LATE_ANSWER_S
@@ -16,35 +8,10 @@ from hardware_bridge.recording.log_watch import LogWatch
 from hardware_bridge.recording.session_bag import SessionLog
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_robot.bridge.observer import Observing
-
-OK, WARN, ERROR, STALE = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR, DiagnosticStatus.STALE
+from tensegrity_robot.ros.diagnostics import ERROR, OK, WARN, Part
 
 SLOW_WRITE_S = 0.02
 """A frame of six servos lasts 26 ms at 9600 baud; handing it over must be much quicker than that, or frames will be late."""
-
-
-class Part(NamedTuple):
-    """What is told of one part of the node."""
-
-    name: str
-    level: bytes
-    told: str
-    values: Sequence[tuple[str, object]] = ()
-
-
-def diagnostics(node: str, port: str, parts: Sequence[Part], stamp: Time) -> DiagnosticArray:
-    """The parts of a node as a message."""
-    statuses = [
-        DiagnosticStatus(
-            level=part.level,
-            name=f"{node}: {part.name}",
-            message=part.told,
-            hardware_id=PurePath(port).name,  # viewers write it before every name; the link's values have the whole path
-            values=[KeyValue(key=key, value=str(value)) for key, value in part.values],
-        )
-        for part in parts
-    ]
-    return DiagnosticArray(header=Header(stamp=stamp), status=statuses)
 
 
 def parts_of(snapshot: Snapshot, log: SessionLog | None, watch: LogWatch | None, dropped: int, observing: Observing) -> list[Part]:

@@ -18,7 +18,9 @@ class BridgeParameters:
     port: str = parameter("", "device or socket://HOST:PORT of the board; empty: the link of this namespace's virtual prototype")
     board: str = parameter("lsc", SERVO_BOARD)
     baud: int = parameter(0, "rate of board and port [baud]; 0: the board's usual, lsc 9600, else 115200", low=0, high=1_000_000)
-    observer: str = parameter("", "Unix socket of an observer; empty: the virtual prototype's own, if the port is its")
+    observer: str = parameter(
+        "", "Unix socket of an observer; empty: the virtual prototype's own, if the port is its; none: nobody looks"
+    )
     time_scale: float = parameter(
         0.0, "robot seconds per second; 0: what the port has: the virtual prototype its own, a real port 1", low=0.0, high=100.0
     )

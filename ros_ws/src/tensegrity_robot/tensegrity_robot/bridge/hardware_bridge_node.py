@@ -28,7 +28,7 @@ from sim_core.errors import SimError
 from sim_core.structure.urdf import BASE
 from tensegrity_interfaces.msg import TwinState
 from tensegrity_robot.bridge import bridge_messages
-from tensegrity_robot.bridge.bridge_diagnostics import STALE, Part, diagnostics, parts_of
+from tensegrity_robot.bridge.bridge_diagnostics import parts_of
 from tensegrity_robot.bridge.bridge_parameters import BridgeParameters, rules_of
 from tensegrity_robot.bridge.motion_action import MotionServer
 from tensegrity_robot.bridge.observer import Observing
@@ -40,6 +40,7 @@ from tensegrity_robot.bridge.services import BridgeCalls
 from tensegrity_robot.bridge.session_facts import session_files
 from tensegrity_robot.bridge.shape_judge import ShapeRule
 from tensegrity_robot.ros import conversions
+from tensegrity_robot.ros.diagnostics import STALE, Part, diagnostics
 from tensegrity_robot.ros.errors import StartError
 from tensegrity_robot.ros.node_help import About
 from tensegrity_robot.ros.node_parameters import declare_parameters

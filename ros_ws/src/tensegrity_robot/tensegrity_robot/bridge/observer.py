@@ -21,6 +21,8 @@ from tensegrity_robot.bridge.strut_rest import StillWatch
 from tensegrity_robot.ros.event_filters import ObservationFilter
 from tensegrity_robot.ros.topics import OBSERVED_JOINTS
 
+NOBODY = "none"
+"""In the place of an observer's socket."""
 OBSERVED_PERIOD_S = 0.04
 """Wall time between published observations of joints; a fast virtual prototype makes more of them."""
 
@@ -44,12 +46,12 @@ class Observing:
         self.there: bool | None = None  # None: none is expected
 
     def begin(self, bridge: RemoteBridge, given: str) -> None:
-        """Follow the observer that was given, else the virtual prototype's own, if there is one."""
+        """Follow the observer that was given, else the virtual prototype's own, if there is one, unless nobody is to look."""
         self._news, self._lengths_m, self._bridge = ObservationFilter(), None, bridge
         self._still = StillWatch()
         self._source = FaceObservation.SOURCE_EXTERNAL if given else FaceObservation.SOURCE_PROTOTYPE
         path = given or bridge.observer
-        if path:
+        if path and given != NOBODY:
             self.there = False
             self._client = ObserverClient(path, self._on_observation, partial(setattr, self, "there"))
 

@@ -86,8 +86,8 @@ class BridgeCalls:
 
     async def _set_face(self, request: SetFace.Request, _response: SetFace.Response) -> str:
         source = request.source or FaceObservation.SOURCE_OPERATOR
-        event = self._node.bridge().observe_face(request.face, source, True, "set_face")
-        return f"event {event.seq}: the robot stands on {request.face or 'no face'}"
+        event = self._node.bridge().observe_face(request.face, source, not request.moving, request.detail or "set_face")
+        return f"event {event.seq}: the robot {'comes onto' if request.moving else 'stands on'} {request.face or 'no face'}"
 
     async def _log_trial(self, request: LogTrial.Request, _response: LogTrial.Response) -> str:
         """A line of a session's ledger, in the bag and on the disk before it is acknowledged."""

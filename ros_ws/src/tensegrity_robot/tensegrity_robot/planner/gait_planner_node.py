@@ -219,8 +219,8 @@ class GaitPlannerNode(Node):
     def _on_face(self, message: FaceObservation) -> None:
         self._observed = message
         self._events.add(message.seq, message.robot_time_ns)
-        if message.source in (FaceObservation.SOURCE_PROTOTYPE, FaceObservation.SOURCE_EXTERNAL):
-            self._observer = True
+        if message.source != FaceObservation.SOURCE_OPERATOR:  # an inertial sensor that does not know the face is none
+            self._observer = bool(message.face) or message.source != FaceObservation.SOURCE_IMU
         if self._rehearser is not None and self._roll is None and message.settled and message.face:  # not beside a motion
             self._rehearser.prepare(message.face)
         self._look()

@@ -165,8 +165,13 @@ class TravellerNode(Node):
 
     @property
     def _watched(self) -> bool:
-        """Something, not a person, tells where the robot is."""
-        return self._face is not None and self._face.source in (FaceObservation.SOURCE_PROTOTYPE, FaceObservation.SOURCE_EXTERNAL)
+        """Something, not a person, tells the robot's face all the time."""
+        return self._face is not None and self._face.source != FaceObservation.SOURCE_OPERATOR
+
+    @property
+    def _felt(self) -> bool:
+        """The face is told by an inertial sensor, which does not see where the robot is."""
+        return self._face is not None and self._face.source == FaceObservation.SOURCE_IMU
 
     def _standing(self) -> str:
         """The face it rests on, as far as it is known; empty: on none, or still moving."""
@@ -198,6 +203,9 @@ class TravellerNode(Node):
             return f"the goal is in frame {goal.header.frame_id!r}: valid is {frame!r}"
         if not (math.isfinite(goal.pose.position.x) and math.isfinite(goal.pose.position.y)):
             return "the goal is no place: x and y must be numbers"
+        real = self._bridge is not None and self._bridge.port and not self._bridge.virtual_port
+        if real and self._felt and self._area_told and self._area is None:
+            return "nobody sees the robot, a sensor feels its face: set an area that it stays in first (keep_in of the planner)"
         place = np.array([(goal.pose.position.x, goal.pose.position.y)])
         if self._area is not None and self._area.outside_m(place) > 0.0:
             corners = ", ".join(f"{x:g} {y:g}" for x, y in self._area.corners_m)
@@ -298,7 +306,7 @@ class TravellerNode(Node):
             self._show(travel.handle.request.goal, found)
             await self._rested(travel, found)
             result = await self._roll(travel, found, anyway)
-            since = time.monotonic() + (NEWS_S if not self._watched else 0.0)
+            since = time.monotonic() + (0.0 if self._watched and not self._felt else NEWS_S)
             if result.unlikely:
                 travel.journey.refuse(found)
             elif not result.completed:

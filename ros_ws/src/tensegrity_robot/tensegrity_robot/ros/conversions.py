@@ -15,7 +15,7 @@ from sim_core.names import STRUT_NAMES
 from sim_core.structure.arrays import Array
 from sim_core.structure.rotations import matrix_of, quaternion_of, relative_quaternion, rotated
 from sim_core.structure.topology import TENDONS
-from sim_core.structure.urdf import BASE, LINKS
+from sim_core.structure.urdf import BASE, BOX, IMU, LINKS
 from sim_core.twin.follower import Observed, Sent
 from tensegrity_interfaces.msg import FaceObservation, StrutsSent, TwinState
 
@@ -77,14 +77,19 @@ def body_pose(robot: Robot, header: Header) -> PoseStamped:
     return PoseStamped(header=header, pose=pose(center, quaternion_of(turn)))
 
 
-def frames(robot: Robot, body: PoseStamped, prefix: str) -> TFMessage:
-    """Transforms from the frame of a body pose to `base_link`, and from there to the URDF's links, with the pose's stamp."""
+def frames(robot: Robot, body: PoseStamped, prefix: str, mounting: Array) -> TFMessage:
+    """Transforms from the frame of a body pose to `base_link`, and from there to the URDF's links, with the pose's stamp.
+
+    Args: mounting: rotation (3, 3) from the axes of `imu_link` to the box's.
+    """
     at, to = body.pose.position, body.pose.orientation
     center, base = np.array([at.x, at.y, at.z]), np.array([to.w, to.x, to.y, to.z])
     places = rotated(matrix_of(base).T, np.vstack([robot.joints_m(), robot.box_m()]) - center)
     turns = relative_quaternion(base, robot.quaternions())
     header = Header(stamp=body.header.stamp, frame_id=prefix + BASE)
     links = [_transform(header, prefix + name, places[index], turns[index]) for name, index in LINKS.items()]
+    box = Header(stamp=body.header.stamp, frame_id=prefix + BOX)
+    links.append(_transform(box, prefix + IMU, np.zeros(3), quaternion_of(mounting)))
     return TFMessage(transforms=[_transform(body.header, prefix + BASE, center, base), *links])
 
 

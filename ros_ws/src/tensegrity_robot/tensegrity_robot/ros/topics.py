@@ -10,7 +10,7 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.qos import QoSProfile
-from sensor_msgs.msg import JointState
+from sensor_msgs.msg import Imu, JointState
 from std_msgs.msg import String
 from tf2_msgs.msg import TFMessage
 from trajectory_msgs.msg import JointTrajectory
@@ -18,6 +18,7 @@ from visualization_msgs.msg import MarkerArray
 
 from tensegrity_interfaces.msg import (
     BridgeState,
+    FaceEstimate,
     FaceObservation,
     LeaseProof,
     Rehearsal,
@@ -58,7 +59,7 @@ class Topic(NamedTuple):
         """A publisher of a node."""
         return node.create_publisher(self.kind, self.name, self.profile)
 
-    def subscribe(self, node: Node, callback: Callable[[Any], None], profile: QoSProfile | None = None, **more: Any) -> Any:
+    def subscribe(self, node: Node, callback: Callable[..., None], profile: QoSProfile | None = None, **more: Any) -> Any:
         """A subscription of a node. Args: profile: another than the topic's own. more: as in `create_subscription`."""
         return node.create_subscription(self.kind, self.name, callback, profile or self.profile, **more)
 
@@ -85,6 +86,8 @@ FRAMES = Topic(
 )
 ROBOT_DESCRIPTION = Topic("robot_description", String, qos.LATCHED, "others", "the robot's URDF, whose links are the frames of /tf")
 TWIN_COMMAND = Topic("twin/command", JointTrajectory, qos.STATES, "", "rest lengths for a stand-alone twin")
+IMU = Topic("imu/data", Imu, qos.SENSORS, "others", "an inertial sensor in the box, in its own axes; whose driver does not matter")
+FACE_ESTIMATE = Topic("face_estimate", FaceEstimate, qos.STATES, "others", "what that sensor tells about the face, sure or not")
 GOAL_POSE = Topic("goal_pose", PoseStamped, qos.STATES, "others", "where to travel; replaces the travel under way")
 KEEP_IN = Topic(
     "keep_in", PolygonStamped, qos.LATCHED, "others", "the area that chains and travels stay in; no points: none is set"

@@ -12,6 +12,7 @@ from collections import deque
 from dataclasses import dataclass
 from typing import NamedTuple
 
+import numpy as np
 from geometry_msgs.msg import PoseArray, PoseStamped
 from rclpy.event_handler import QoSSubscriptionMatchedInfo, SubscriptionEventCallbacks
 from rclpy.node import Node
@@ -25,6 +26,7 @@ from sim_core.dynamics.model import build_model
 from sim_core.dynamics.robot import Robot
 from sim_core.errors import DivergedError
 from sim_core.rolling.warm_up import Stage, is_warm, warm_up
+from sim_core.sensing.mounting import load_mounting
 from sim_core.structure.parameters import load_prototype
 from sim_core.structure.topology import require_face
 from sim_core.structure.urdf import urdf
@@ -69,6 +71,7 @@ class TwinParameters:
     actuators: str = parameter("ideal", "following: its actuators: ideal, stand-in (they feel their load), or a YAML file")
     rate_hz: float = parameter(20.0, "how often state and joints are published [Hz]", low=1.0, high=200.0)
     markers_hz: float = parameter(10.0, "how often markers are published [Hz]; 0: never", low=0.0, high=20.0)
+    mounting: str = parameter("", "YAML of how an inertial sensor sits in the box, for imu_link; empty: its axes are the box's")
     frame: str = parameter("odom", "frame of all poses; below a namespace its name gets that prefix: robot1/odom")
     time_scale: float = parameter(1.0, "stand-alone: robot seconds per second", low=0.01, high=50.0)
 
@@ -123,7 +126,8 @@ class TwinNode(Node):
         self._markers = topics.TWIN_MARKERS.publisher(self)
         self._frames = topics.FRAMES.publisher(self)
         self._description = topics.ROBOT_DESCRIPTION.publisher(self)
-        self._urdf = String(data=urdf(prototype, self._prefix))
+        self._mounting = load_mounting(p.mounting) if p.mounting else np.eye(3)
+        self._urdf = String(data=urdf(prototype, self._prefix, self._mounting))
         self._description.publish(self._urdf)
         if self._alone is None:
             found = SubscriptionEventCallbacks(matched=self._on_bridge_found)
@@ -256,7 +260,7 @@ class TwinNode(Node):
             self._pose.publish(shown.pose)
             if time.monotonic() >= self._frames_due_s:
                 self._frames_due_s = time.monotonic() + 1.0 / FRAMES_HZ
-                self._frames.publish(conversions.frames(self._robot, shown.pose, self._prefix))
+                self._frames.publish(conversions.frames(self._robot, shown.pose, self._prefix, self._mounting))
         if not self._told_start:
             self._told_start = True
             self.get_logger().info(f"first state published {age_s():.2f} s after the process began")

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+import tempfile
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -33,6 +34,9 @@ def command(
     reach: Annotated[float, typer.Option(min=0.02, help="How near is near enough, in m.")] = 0.08,
     most_rolls: Annotated[int, typer.Option(min=1, help="Give up after so many rolls.")] = 60,
     ignore_odds: Annotated[bool, typer.Option("--ignore-odds", help="Take all gaits for equally likely.")] = False,
+    imu: Annotated[
+        bool, typer.Option("--imu", help="Nobody looks: an inertial sensor in its box tells the faces, its place is predicted.")
+    ] = False,
     seed: options.Seed = 1,
     from_face: options.FromFace = "TC6",
     perturbation: options.Perturbation = 0.05,
@@ -56,6 +60,7 @@ def command(
 
     sixstrut travel 0.6,0.3
     sixstrut travel -1.0,-0.5 --incline 3 --seed 7
+    sixstrut travel 2.0,0.0 --library continuous --time-scale 2 --imu --perturbation 0.1
     sixstrut travel --study 10 -o bags/travels --page
     """
     if study and domain is not None:
@@ -64,6 +69,8 @@ def command(
         raise typer.BadParameter("give a place such as 0.6,0.3, or --study N", param_hint="X,Y")
     if level and not study:
         raise typer.BadParameter("only a study is made on two floors: give --study N as well", param_hint="--level")
+    if imu and study:
+        raise typer.BadParameter("a study is of robots that are seen", param_hint="--imu")
     if page and not study:
         raise typer.BadParameter("only a study makes a page: give --study N as well", param_hint="--page")
     bags = output or (output_folder("travel") if study else Path("bags"))
@@ -76,13 +83,17 @@ def command(
     if not place:
         _study(study, robot, bags, level, page)
         return
+    from tensegrity_lab.commissioning.imu_mounting import virtual_mounting
     from tensegrity_lab.studies.travel import travel
     from tensegrity_lab.studies.travel_plot import travel_picture
 
     screen = console()
     screen.print(robot.describe)
     robot.compile()
-    with screen.status("starting") as status:
+    with screen.status("starting") as status, tempfile.TemporaryDirectory(prefix="sixstrut-imu-") as folder:
+        if imu:
+            robot = replace(robot, mounting=(mounting := Path(folder) / "mounting.yaml"))
+            virtual_mounting(mounting, seed, perturbation, status.update)
         trip = travel(robot, goal_m, status.update, reach, most_rolls, not ignore_odds, domain, screen.print)
     picture = Path(trip.bag).with_suffix(".png")
     if as_json:
@@ -93,6 +104,8 @@ def command(
         ratio = f"path {trip.path_m:.2f} m for {trip.straight_m - trip.left_m:.2f} m won"
         rolls = f"{trip.rolls} rolls ({trip.chained} in chains), {trip.missed} missed"
         typer.echo(f"{rolls}, {trip.robot_s:.0f} s of rolling, {trip.speed_m_min:.2f} m/min; {ratio}")
+        if imu:
+            typer.echo(f"its observer, whom nobody heard, saw it {trip.seen_left_m:.2f} m from the goal")
         wrote(Path(trip.bag))
     wrote(travel_picture(trip, picture), err=as_json)
     if not trip.success:
