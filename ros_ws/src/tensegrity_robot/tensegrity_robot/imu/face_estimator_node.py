@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which face the robot stands on, by any inertial sensor in its box that publishes `sensor_msgs/Imu`; told to the bridge.
+
+Measuring and doubting are in `sim_core.sensing`. Here is what a node adds: whose measurements these are, whose struts, whose twin;
+and that a recording, a second sensor or another bridge mislead nobody.
+"""
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from geometry_msgs.msg import PoseArray, Vector3
+from rclpy.node import Node
+from rclpy.task import Future
+from sensor_msgs.msg import Imu
+from std_msgs.msg import Header
+
+from sim_core.dynamics.model import build_model
+from sim_core.sensing.face_filter import box_share
+from sim_core.sensing.face_watch import FaceWatch, Word
+from sim_core.sensing.mounting import load_mounting
+from sim_core.structure.arrays import Array
+from sim_core.structure.parameters import load_prototype
+from sim_core.twin.live_bridge import LiveBridge, age_s, is_fresh
+from tensegrity_interfaces.msg import BridgeState, FaceEstimate, FaceObservation, StrutsSent
+from tensegrity_interfaces.srv import SetFace
+from tensegrity_robot.ros import conversions, qos, topics
+from tensegrity_robot.ros.node_help import About
+from tensegrity_robot.ros.node_parameters import declare_parameters, parameter
+from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
+
+PERIOD_S = 0.1
+TWIN_LIMIT_S = 5.0
+"""A twin that is not heard for so long, wall time, is missed."""
+OTHERS_PERIOD_S = 1.0
+"""Between looks for other sensors."""
+
+
+@dataclass(frozen=True)
+class EstimatorParameters:
+    """Parameters of the estimator; the descriptions are what `ros2 param describe` shows."""
+
+    mounting: str = parameter("", "YAML of how the sensor sits, from `sixstrut calibrate imu`; empty: its axes are the box's")
+    prototype_file: str = parameter("", "YAML of the robot's numbers; empty: the nominal prototype")
+
+
+class FaceEstimatorNode(Node):
+    """See the module. Everything runs in one executor thread."""
+
+    def __init__(self, _end: EndProcess):
+        super().__init__("face_estimator")
+        p = declare_parameters(self, EstimatorParameters)
+        self._rotation = load_mounting(p.mounting) if p.mounting else np.eye(3)
+        self._watch = FaceWatch(box_share(build_model(load_prototype(p.prototype_file or None))))
+        self._scale = 1.0
+        self._began_ns = self.get_clock().now().nanoseconds
+        self._lengths: tuple[float, ...] = ()
+        self._shaped_s = time.monotonic()
+        self._looked_s = 0.0
+        self._said = ""
+        self._several = 0
+        self._newest = Header()
+        self._live = LiveBridge(self._on_stranger, self._on_other_bridge)
+        self._estimates = topics.FACE_ESTIMATE.publisher(self)
+        self._set_face = self.create_client(SetFace, "set_face")
+        live = self._live.takes
+        topics.BRIDGE_STATE.subscribe(self, self._on_bridge_state)
+        topics.STRUTS_SENT.subscribe(self, lambda event: live(event, self._on_sent), qos.STATES)
+        topics.BRIDGE_FACE.subscribe(self, lambda event: live(event, self._on_face))
+        topics.TWIN_JOINTS.subscribe(self, self._on_joints)
+        topics.IMU.subscribe(self, self._on_measurement)
+        self.create_timer(PERIOD_S, self._on_time, clock=STEADY)
+        sits = f"mounting {p.mounting}" if p.mounting else "no mounting is given: the sensor's axes are taken for the box's"
+        self.get_logger().info(f"measurements on {self.resolve_topic_name(topics.IMU.name)}; {sits}")
+
+    def halt(self) -> None:
+        """Nothing of it moves anything."""
+
+    def close(self) -> None:
+        """Nothing to let go of."""
+
+    # ---- what is heard ----------------------------------------------------------------------------------------------
+
+    def _on_bridge_state(self, message: BridgeState) -> None:
+        if self._live.hears(message, self.get_clock().now().nanoseconds):
+            self._scale = float(message.time_scale) or 1.0
+
+    def _on_other_bridge(self) -> None:
+        self._lengths = ()
+        self._watch.begin_anew()
+        self._watch.tell_again()
+
+    def _on_stranger(self, words: str) -> None:
+        self.get_logger().warning(words)
+        self._tell(self._watch.distrust(words))
+
+    def _on_sent(self, message: StrutsSent) -> None:
+        lengths = tuple(float(length) for length in message.length_m)
+        self._watch.struts(not message.heartbeat and lengths != self._lengths)
+        self._lengths = lengths
+
+    def _on_face(self, message: FaceObservation) -> None:
+        if message.settled and message.source != FaceObservation.SOURCE_IMU:
+            self._watch.said(message.face)
+
+    def _on_joints(self, message: PoseArray) -> None:
+        if len(message.poses) < 13 or not is_fresh(message.header.stamp, self.get_clock().now().nanoseconds):
+            return  # of a recording
+        self._shaped_s = time.monotonic()
+        turn = message.poses[12].orientation
+        places = np.array([(pose.position.x, pose.position.y, pose.position.z) for pose in message.poses[:13]])
+        self._watch.shape(places[:12], places[12], np.array((turn.w, turn.x, turn.y, turn.z)))
+
+    def _on_measurement(self, message: Imu, info: dict[str, Any]) -> None:
+        if not self._live.session:
+            return
+        stamp, sent_ns = message.header.stamp, int(info["source_timestamp"])  # this process may be late itself
+        if not is_fresh(stamp, sent_ns):
+            late = f"measurements are sent {age_s(stamp, sent_ns):.0f} s after they were made"
+            old = f"{late}: a recording is played, or clocks differ"
+            self._tell(self._watch.distrust(old))
+            return
+        if self._several > 1:
+            return
+        self._newest = message.header
+        rate, acceleration = (self._rotation @ _vector(told) for told in (message.angular_velocity, message.linear_acceleration))
+        self._tell(self._watch.measured(self._robot_s(conversions.nanoseconds(stamp)), rate, acceleration))
+
+    def _robot_s(self, stamp_ns: int) -> float:
+        """Robot time that has passed since the beginning, if time has gone on as it goes now."""
+        return (stamp_ns - self._began_ns) * 1e-9 * self._scale
+
+    # ---- what is told -----------------------------------------------------------------------------------------------
+
+    def _on_time(self) -> None:
+        now_s = time.monotonic()
+        if now_s - self._looked_s > OTHERS_PERIOD_S:
+            self._looked_s = now_s
+            self._several = self.count_publishers(self.resolve_topic_name(topics.IMU.name))
+            if self._several > 1:
+                self._tell(self._watch.distrust(f"{self._several} sensors publish on {topics.IMU.name}: end all but one"))
+        if self._live.session and now_s - self._shaped_s > TWIN_LIMIT_S:
+            self.get_logger().warning("no twin tells its joints: start it, faces cannot be told else", throttle_duration_sec=60.0)
+        self._tell(self._watch.missing(self._robot_s(self.get_clock().now().nanoseconds)))
+        watch = self._watch
+        self._estimates.publish(
+            FaceEstimate(
+                header=self._newest,
+                probability=watch.probabilities,
+                moving=watch.moving,
+                residual_rad=watch.residual_rad,
+                face=watch.known,
+                doubt=watch.doubt,
+            )
+        )
+
+    def _tell(self, word: Word | None) -> None:
+        if word is None:
+            return
+        if not self._set_face.service_is_ready():
+            self._watch.tell_again()
+            return
+        said = f"{word.face or 'unknown'}{'' if word.settled else ', moving'}: {word.detail}"
+        if not word.face and said != self._said:
+            self.get_logger().warning(f"the face is not known: {word.detail}")
+        self._said = said
+        request = SetFace.Request(face=word.face, source=FaceObservation.SOURCE_IMU, moving=not word.settled, detail=word.detail)
+        self._set_face.call_async(request).add_done_callback(self._on_answer)
+
+    def _on_answer(self, future: Future) -> None:
+        answer = future.result()
+        if not answer.success:
+            self.get_logger().warning(f"the bridge does not take the face: {answer.message}", throttle_duration_sec=10.0)
+            self._watch.tell_again()
+
+
+def _vector(told: Vector3) -> Array:
+    return np.array((told.x, told.y, told.z))
+
+
+ABOUT = About(
+    name="face_estimator",
+    text="tells the bridge which face the robot stands on, by an inertial sensor in its box",
+    settings=EstimatorParameters,
+    gives="face_estimate",
+    takes="imu/data bridge/state bridge/struts_sent bridge/face twin/joints set_face()",
+    example="-p mounting:=/path/to/mounting.yaml",
+)
+
+
+def main() -> int:
+    """The executable `face_estimator`."""
+    return run(FaceEstimatorNode, ABOUT)
