@@ -25,7 +25,7 @@ MEANINGS = {
 
 _NODES = {
     "bridge": "hardware_bridge", "twin": "twin", "traveller_node": "traveller", "planner": "gait_planner",
-    "port_process": "hardware_bridge_stop", "remote_panel": "trial session",
+    "port_process": "hardware_bridge_stop", "imu_driver_node": "imu_driver", "face_estimator_node": "face_estimator", "remote_panel": "trial session",
 }  # fmt: skip
 _CALL = re.compile(
     r"(?P<action>ActionServer|ActionClient)\(\s*(?:self|node),\s*(?P<type>\w+),\s*\"(?P<name>\w+)\""
@@ -70,7 +70,7 @@ def page(root: Path) -> str:
         lines += ["", f"## {title}", "", *table((head, "type", "served by", "used by", "does"), rows)]
     told = ("topic", "type", "published by", "heard by", "quality of service", "tells")
     lines += ["", "## Topics", "", *table(told, _topics(uses))]
-    lines += ["", "### Quality of service", "", *table(("name", "depth", "durability", "for"), _profiles())]
+    lines += ["", "### Quality of service", "", *table(("name", "depth", "durability", "reliability", "for"), _profiles())]
     lines += ["", "## Definitions"]
     for kind in ("msg", "srv", "action"):
         for file in sorted((sources / "tensegrity_interfaces" / kind).glob(f"*.{kind}")):
@@ -128,10 +128,12 @@ def _uses(sources: Path) -> list[Use]:
     return found
 
 
-def _profiles() -> list[tuple[str, str, str, str]]:
+def _profiles() -> list[tuple[str, str, str, str, str]]:
     from tensegrity_robot.ros import qos
 
     text = Path(qos.__file__).read_text(encoding="utf-8")
     told = re.findall(r'^([A-Z_]+) = [^"]*\n"""(.*?)"""$', text, re.MULTILINE | re.DOTALL)
     profiles = [(name, getattr(qos, name), about) for name, about in told]
-    return [(name, str(one.depth), one.durability.name.lower(), about) for name, one, about in profiles]
+    return [
+        (name, str(one.depth), one.durability.name.lower(), one.reliability.name.lower(), about) for name, one, about in profiles
+    ]

@@ -10,6 +10,7 @@ from rclpy.node import Node
 from rclpy.serialization import serialize_message
 from tf2_msgs.msg import TFMessage
 
+from sim_core.sensing.mounting import load_mounting
 from sim_core.structure.rotations import matrix_of
 from tensegrity_lab.stack.processes import wait_until
 from tensegrity_lab.stack.ros_thread import Spinner
@@ -41,12 +42,14 @@ def place(point):
     return np.array([point.x, point.y, point.z])
 
 
-def test_every_link_of_the_urdf_is_where_the_twin_has_it(processes, viewer):
+def test_every_link_of_the_urdf_is_where_the_twin_has_it(processes, viewer, tmp_path):
     frames, joints, poses, descriptions = {}, {}, {}, []
     topics.FRAMES.subscribe(viewer, lambda m: frames.setdefault(stamp(m.transforms[0].header), m))
     topics.TWIN_JOINTS.subscribe(viewer, lambda m: joints.setdefault(stamp(m.header), m))
     topics.TWIN_POSE.subscribe(viewer, lambda m: poses.setdefault(stamp(m.header), m))
-    processes.node("twin", "--ros-args", "-r", "__ns:=/blue", mode="standalone")
+    mounting = tmp_path / "mounting.yaml"
+    mounting.write_text("quaternion: [0.8, 0.6, 0.0, 0.0]\n", encoding="utf-8")
+    processes.node("twin", "--ros-args", "-r", "__ns:=/blue", mode="standalone", mounting=mounting)
     wait_until(lambda: set(frames) & set(joints) & set(poses), 60.0, "the frames of a state")
     topics.ROBOT_DESCRIPTION.subscribe(viewer, descriptions.append)  # long after it was published
     wait_until(lambda: descriptions, 20.0, "the description, for a late joiner")
@@ -57,7 +60,7 @@ def test_every_link_of_the_urdf_is_where_the_twin_has_it(processes, viewer):
     assert {stamp(transform.header) for transform in (root, *links)} == {at}
     assert (root.header.frame_id, root.child_frame_id) == ("blue/odom", "blue/base_link")
     assert seen.header.frame_id == body.header.frame_id == "blue/odom"
-    assert {link.header.frame_id for link in links} == {"blue/base_link"}
+    assert {link.header.frame_id for link in links if link.child_frame_id != "blue/imu_link"} == {"blue/base_link"}
 
     robot = ElementTree.fromstring(descriptions[0].data)
     told = {link.child_frame_id: link.transform for link in links}
@@ -69,7 +72,10 @@ def test_every_link_of_the_urdf_is_where_the_twin_has_it(processes, viewer):
         whole = base @ turn(told[f"blue/N{node + 1}"].rotation)
         assert whole == pytest.approx(turn(seen.poses[node].orientation), abs=1e-9)
     assert shift + base @ place(told["blue/box"].translation) == pytest.approx(place(seen.poses[12].position), abs=1e-9)
-    for joint in robot.findall("joint"):  # at rest on a face the shape is the ideal one but for a centimetre or two
+    (imu,) = (link for link in links if link.child_frame_id == "blue/imu_link")
+    assert imu.header.frame_id == "blue/box"
+    assert turn(imu.transform.rotation) == pytest.approx(load_mounting(mounting), abs=1e-9), "as it was found to sit"
+    for joint in robot.findall("joint[@type='floating']"):  # at rest on a face the shape is the ideal one but for a centimetre or two
         ideal = [float(word) for word in joint.find("origin").get("xyz").split()]
         assert place(told[joint.find("child").get("link")].translation) == pytest.approx(ideal, abs=0.02)
 

@@ -69,10 +69,10 @@ class FaceEstimatorNode(Node):
         topics.STRUTS_SENT.subscribe(self, lambda event: live(event, self._on_sent), qos.STATES)
         topics.BRIDGE_FACE.subscribe(self, lambda event: live(event, self._on_face))
         topics.TWIN_JOINTS.subscribe(self, self._on_joints)
-        topics.IMU.subscribe(self, self._on_measurement)
+        topics.IMU_DATA.subscribe(self, self._on_measurement)
         self.create_timer(PERIOD_S, self._on_time, clock=STEADY)
         sits = f"mounting {p.mounting}" if p.mounting else "no mounting is given: the sensor's axes are taken for the box's"
-        self.get_logger().info(f"measurements on {self.resolve_topic_name(topics.IMU.name)}; {sits}")
+        self.get_logger().info(f"measurements on {self.resolve_topic_name(topics.IMU_DATA.name)}; {sits}")
 
     def halt(self) -> None:
         """Nothing of it moves anything."""
@@ -137,9 +137,9 @@ class FaceEstimatorNode(Node):
         now_s = time.monotonic()
         if now_s - self._looked_s > OTHERS_PERIOD_S:
             self._looked_s = now_s
-            self._several = self.count_publishers(self.resolve_topic_name(topics.IMU.name))
+            self._several = self.count_publishers(self.resolve_topic_name(topics.IMU_DATA.name))
             if self._several > 1:
-                self._tell(self._watch.distrust(f"{self._several} sensors publish on {topics.IMU.name}: end all but one"))
+                self._tell(self._watch.distrust(f"{self._several} sensors publish on {topics.IMU_DATA.name}: end all but one"))
         if self._live.session and now_s - self._shaped_s > TWIN_LIMIT_S:
             self.get_logger().warning("no twin tells its joints: start it, faces cannot be told else", throttle_duration_sec=60.0)
         self._tell(self._watch.missing(self._robot_s(self.get_clock().now().nanoseconds)))

@@ -47,7 +47,7 @@ class ImuDriverNode(Node):
         self._settings = p = declare_parameters(self, DriverParameters)
         self._path = p.port or str(imu_path(default_link(self.get_namespace())))
         self._frame = conversions.frame_prefix(self) + IMU_FRAME
-        self._published = self.create_publisher(topics.IMU.kind, topics.IMU.name, qos.STATES)
+        self._published = topics.IMU_DATA.publisher(self, qos.STATES)
         self._diagnostics = topics.DIAGNOSTICS.publisher(self)
         self._port: SensorPort | None = None
         self._trouble = "not opened yet"

@@ -55,9 +55,9 @@ class Topic(NamedTuple):
         """Whether late joiners are told the newest."""
         return self.profile in (qos.FACES, qos.LATCHED)
 
-    def publisher(self, node: Node) -> Publisher:
-        """A publisher of a node."""
-        return node.create_publisher(self.kind, self.name, self.profile)
+    def publisher(self, node: Node, profile: QoSProfile | None = None) -> Publisher:
+        """A publisher of a node. Args: profile: another than the topic's own."""
+        return node.create_publisher(self.kind, self.name, profile or self.profile)
 
     def subscribe(self, node: Node, callback: Callable[..., None], profile: QoSProfile | None = None, **more: Any) -> Any:
         """A subscription of a node. Args: profile: another than the topic's own. more: as in `create_subscription`."""
@@ -86,7 +86,7 @@ FRAMES = Topic(
 )
 ROBOT_DESCRIPTION = Topic("robot_description", String, qos.LATCHED, "others", "the robot's URDF, whose links are the frames of /tf")
 TWIN_COMMAND = Topic("twin/command", JointTrajectory, qos.STATES, "", "rest lengths for a stand-alone twin")
-IMU = Topic("imu/data", Imu, qos.SENSORS, "others", "an inertial sensor in the box, in its own axes; whose driver does not matter")
+IMU_DATA = Topic("imu/data", Imu, qos.SENSORS, "others", "an inertial sensor in the box, in its own axes; whose driver does not matter")
 FACE_ESTIMATE = Topic("face_estimate", FaceEstimate, qos.STATES, "others", "what that sensor tells about the face, sure or not")
 GOAL_POSE = Topic("goal_pose", PoseStamped, qos.STATES, "others", "where to travel; replaces the travel under way")
 KEEP_IN = Topic(
