@@ -25,7 +25,8 @@ MEANINGS = {
 
 _NODES = {
     "bridge": "hardware_bridge", "twin": "twin", "traveller_node": "traveller", "planner": "gait_planner",
-    "port_process": "hardware_bridge_stop", "imu_driver_node": "imu_driver", "face_estimator_node": "face_estimator", "remote_panel": "trial session",
+    "port_process": "hardware_bridge_stop", "remote_panel": "trial session",
+    "imu_driver_node": "imu_driver", "face_estimator_node": "face_estimator",
 }  # fmt: skip
 _CALL = re.compile(
     r"(?P<action>ActionServer|ActionClient)\(\s*(?:self|node),\s*(?P<type>\w+),\s*\"(?P<name>\w+)\""

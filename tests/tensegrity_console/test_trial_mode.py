@@ -18,7 +18,7 @@ VIRTUAL = ("--virtual", "--time-scale", "3")
 
 @pytest.mark.slow
 def test_a_person_judges_in_the_browser(tmp_path, compiled, chromium):
-    words = ("trial", str(tmp_path / "s"), "--experimenter", "Ada", "--by-hand", *PLAN, *VIRTUAL)
+    words = ("trial", str(tmp_path / "s"), "--experimenter", "Ada", "--judge", "hand", *PLAN, *VIRTUAL)
     person = Terminal(*words, folder=tmp_path)
     processes = None
     try:

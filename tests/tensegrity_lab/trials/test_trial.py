@@ -162,7 +162,7 @@ def replays_trial_by_trial(folder, ended):
 @pytest.mark.ros
 @pytest.mark.timeout(600)
 def test_a_person_judges_by_one_key_undoes_leaves_and_comes_back(tmp_path):
-    words = ("trial", str(tmp_path / "s"), "--experimenter", "Ada", "--by-hand", *PLAN, "--repeats", "2", *VIRTUAL)
+    words = ("trial", str(tmp_path / "s"), "--experimenter", "Ada", "--judge", "hand", *PLAN, "--repeats", "2", *VIRTUAL)
     person = Terminal(*words, folder=tmp_path)
     try:
         person.says("Lift the robot, keep hands clear", limit_s=200)
@@ -238,7 +238,7 @@ def test_bad_input_gets_one_line_that_says_what_is_valid(words, complaint, tmp_p
     assert not (tmp_path / "s").exists(), "nothing is made before the plan is valid"
 
 
-@pytest.mark.parametrize("words", [("--port", "/dev/none"), ("--virtual", "--by-hand"), ("--port", "/dev/none", "--plan")])
+@pytest.mark.parametrize("words", [("--port", "/dev/none"), ("--virtual", "--judge", "hand"), ("--port", "/dev/none", "--plan")])
 def test_chains_that_nobody_observes_are_refused_before_anything_starts(words, tmp_path):
     cycles = ("--library", "continuous", "--primitives", "C1", "--gaits", "TC6-TO5-TC3")
     result = sixstrut("trial", str(tmp_path / "s"), *cycles, *words)
@@ -318,7 +318,7 @@ def test_interrupted_in_mid_roll_the_trial_is_void_and_the_bag_closed(tmp_path):
 @pytest.mark.ros
 @pytest.mark.timeout(300)
 def test_a_dumb_latin_1_terminal_is_asked_in_lines(tmp_path):
-    words = ("trial", str(tmp_path / "s"), "--by-hand", *PLAN, *VIRTUAL)
+    words = ("trial", str(tmp_path / "s"), "--judge", "hand", *PLAN, *VIRTUAL)
     person = Terminal(*words, folder=tmp_path, environ={"TERM": "dumb", "PYTHONIOENCODING": "latin-1"})
     try:
         person.says("[Enter arm", limit_s=200)

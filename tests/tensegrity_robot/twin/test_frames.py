@@ -75,7 +75,9 @@ def test_every_link_of_the_urdf_is_where_the_twin_has_it(processes, viewer, tmp_
     (imu,) = (link for link in links if link.child_frame_id == "blue/imu_link")
     assert imu.header.frame_id == "blue/box"
     assert turn(imu.transform.rotation) == pytest.approx(load_mounting(mounting), abs=1e-9), "as it was found to sit"
-    for joint in robot.findall("joint[@type='floating']"):  # at rest on a face the shape is the ideal one but for a centimetre or two
+    for joint in robot.findall(
+        "joint[@type='floating']"
+    ):  # at rest on a face the shape is the ideal one but for a centimetre or two
         ideal = [float(word) for word in joint.find("origin").get("xyz").split()]
         assert place(told[joint.find("child").get("link")].translation) == pytest.approx(ideal, abs=0.02)
 

@@ -23,6 +23,8 @@ from tensegrity_lab.session_data.plan import Slot, plan_of, plan_text
 
 SCHEMA = 1
 SETTINGS, PLAN, LIBRARY, LOCK, BAGS, LOGS = "session.yaml", "plan.csv", "library.yaml", "lock", "bags", "logs"
+MOUNTING = "mounting.yaml"
+"""Of the inertial sensor, in a session that is judged by a virtual one."""
 LOCK_LIMIT_S = 60.0
 """The processes of a session that was killed finish their bag first."""
 
@@ -41,6 +43,7 @@ class Settings:
         virtual_robot: it is simulated; then perturbation, seed and actuators say which.
         computed: by what, if no stack ran: such trials are virtual, and each begins as the model places the robot; empty: they ran.
         plan_hash: of what is tried; empty: the session is older than that.
+        judge: of the trials: observer, hand or imu; empty: the session is older than that.
     """
 
     name: str
@@ -58,6 +61,7 @@ class Settings:
     actuators: str = ""
     computed: str = ""
     plan_hash: str = ""
+    judge: str = ""
 
 
 def virtual_robot_text(seed: int, perturbation: float, actuators: str) -> str:

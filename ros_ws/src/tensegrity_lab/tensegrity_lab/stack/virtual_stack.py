@@ -61,8 +61,9 @@ def start_prototype(stack: Stack, link: Path, words: Mapping[str, object]) -> Ha
 
 
 def start_sensing(stack: Stack, port: str, mounting: Path) -> None:
-    """Start the driver of an inertial sensor, and what tells the face by it."""
-    stack.node("imu_driver", port=port)
+    """Start the driver of an inertial sensor, unless it has no port: then it runs already; and what tells the face by it."""
+    if port:
+        stack.node("imu_driver", port=port)
     stack.node("face_estimator", mounting=mounting.resolve())
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who judges trials and puts the robot where it is needed: the virtual prototype's observer, or a person with a keyboard.
+"""Who judges trials and puts the robot where it is needed: an observer or inertial sensor, or a person with a keyboard.
 
 What makes a roll a success is in `sim_core.gaits.roll_sequence`.
 """
@@ -42,8 +42,34 @@ def void_of(rolled: Rolled) -> str:
     return "" if rolled.completed and not rolled.ended_early else rolled.reason or "the roll ended early"
 
 
+def _told(lab: RobotAccess, rolled: Rolled, say: Callable[[str], None]) -> Verdict:
+    """By what was told to the bridge."""
+    reason = void_of(rolled)
+    if reason:
+        return Verdict(Outcome.VOID, reason, rolled.observed_face)
+    if remark := lab.compare(rolled.observed_face):
+        say(remark)
+    return Verdict(Outcome.SUCCESS if rolled.success else Outcome.FAILURE, rolled.reason, rolled.observed_face)
+
+
+def _rolled_there(
+    lab: RobotAccess, due: Sequence[Slot], graph: FaceGraph, say: Callable[[str], None], watch: Callable[[], None]
+) -> bool:
+    """Roll to where something is due; whether it is there. Raises StackError."""
+    wanted = {slot.source for slot in due}
+    misses = 0
+    while lab.face and lab.face not in wanted and misses < MISSES and not lab.trouble():
+        way = way_to_due(due, lab.face, graph)
+        if not way:
+            break
+        say(f"no trial is due from {way[0]}: rolling on to {way[1]}, which is no trial")
+        lab.rest(LONGEST_RUN_S, watch)
+        misses += not lab.roll(way[0], way[1], "", lambda feedback: None, watch).success
+    return lab.face in wanted
+
+
 class Observer:
-    """The virtual prototype's own truth, as its observer sees faces; places by rolling, else by putting the prototype there."""
+    """By what an observer or an inertial sensor tells of a virtual prototype; places by rolling, else by putting it there."""
 
     def __init__(self, graph: FaceGraph, owns_prototype: bool, say: Callable[[str], None]):
         """Args: owns_prototype: the session starts it, so it can be started anew on another face: the same seed, the same robot."""
@@ -59,24 +85,12 @@ class Observer:
 
     def place(self, lab: RobotAccess, due: Sequence[Slot], watch: Callable[[], None]) -> None:
         """Have the robot where something is due. Raises StackError, SessionError."""
-        wanted = {slot.source for slot in due}
-        misses = 0
-        while lab.face and lab.face not in wanted and misses < MISSES and not lab.trouble():
-            way = way_to_due(due, lab.face, self._graph)
-            if not way:
-                break
-            self._say(f"no trial is due from {way[0]}: rolling on to {way[1]}, which is no trial")
-            lab.rest(LONGEST_RUN_S, watch)
-            misses += not lab.roll(way[0], way[1], "", lambda feedback: None, watch).success
-        if lab.face not in wanted:
+        if not _rolled_there(lab, due, self._graph, self._say, watch):
             self._restart(lab, placing(due))
 
     def judge(self, lab: RobotAccess, slot: Slot, rolled: Rolled) -> Verdict:
         """How a roll ended."""
-        reason = void_of(rolled)
-        if reason:
-            return Verdict(Outcome.VOID, reason, rolled.observed_face)
-        return Verdict(Outcome.SUCCESS if rolled.success else Outcome.FAILURE, rolled.reason, rolled.observed_face)
+        return _told(lab, rolled, self._say)
 
     def recover(self, lab: RobotAccess, due: Sequence[Slot], trouble: str) -> None:
         """Make the stack fit for another trial, and the robot armed. Raises StackError, SessionError."""
@@ -192,6 +206,25 @@ class Person:
         lab.reset()
         self.arm(lab)
         self.place(lab, due, lambda: None)
+
+
+class Feeler(Person):
+    """An inertial sensor judges, and the robot rolls to where it is needed; a person does what these cannot."""
+
+    def __init__(self, keys: Keys, panel: Panel, owns_prototype: bool, graph: FaceGraph):
+        super().__init__(keys, panel, owns_prototype)
+        self._graph = graph
+
+    def place(self, lab: RobotAccess, due: Sequence[Slot], watch: Callable[[], None]) -> None:
+        """Have the robot where something is due. Raises StackError, SessionError."""
+        if not _rolled_there(lab, due, self._graph, self._panel.line, watch):
+            super().place(lab, due, watch)
+
+    def judge(self, lab: RobotAccess, slot: Slot, rolled: Rolled) -> Verdict:
+        """How a roll ended; a person is asked where the sensor does not know."""
+        if void_of(rolled) or not lab.watched:
+            return super().judge(lab, slot, rolled)
+        return _told(lab, rolled, self._panel.line)
 
 
 Hands = Observer | Person

@@ -12,7 +12,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from hardware_bridge.prototype_client.handshake import Handshake, read_handshake
+from hardware_bridge.prototype_client.handshake import Handshake, imu_path, read_handshake
+from hardware_bridge.prototype_client.observation import Observation
 from hardware_bridge.prototype_client.observer_client import ObserverClient
 from sim_core.files.places import temporary_parent
 from sim_core.structure.parameters import load_prototype
@@ -23,7 +24,7 @@ from tensegrity_lab.session_data.folder import LIBRARY, LOGS, SessionFolder
 from tensegrity_lab.session_data.ledger_line import Line
 from tensegrity_lab.stack.processes import Stack
 from tensegrity_lab.stack.simulation_lag import LateOrders
-from tensegrity_lab.stack.virtual_stack import FREE_BYTES, VirtualRobot
+from tensegrity_lab.stack.virtual_stack import FREE_BYTES, VirtualRobot, start_sensing
 
 ROLL_LIMIT_S = 150.0
 """Robot time that one roll may take, all motions and all settlings."""
@@ -45,6 +46,7 @@ class Hardware:
         time_scale: of a virtual prototype.
         rested_s, silent_board: the operator's words to the bridge, see its parameters; the first is said of the first start.
         observed: something else than a person tells faces.
+        imu_port, mounting: of an inertial sensor that does, alone; no port: its driver runs already, or it is the prototype's.
     """
 
     port: str
@@ -55,6 +57,8 @@ class Hardware:
     rested_s: float
     silent_board: bool
     observed: bool = False
+    imu_port: str = ""
+    mounting: str = ""
 
 
 class Rolled(NamedTuple):
@@ -87,6 +91,8 @@ class RobotAccess:
         self._eye: ObserverClient | None = None
         self.operator: Any = None
         self.starts = 0
+        self._truth: str | None = None
+        self.agreed = self.compared = 0
 
     # ---- life -------------------------------------------------------------------------------------------------------
 
@@ -109,6 +115,10 @@ class RobotAccess:
             "rested_s": hardware.rested_s if self.starts == 1 else 0.0,
             "silent_board": hardware.silent_board,
         }
+        if hardware.mounting:
+            imu = hardware.imu_port or (str(imu_path(Path(port))) if meant is not None else "")
+            start_sensing(stack, imu, Path(hardware.mounting))
+            bridge |= {"observer": "none"}
         if not hardware.port:
             bridge |= {"time_scale": hardware.time_scale, "state_folder": self._links}
         stack.node("twin", start_face=face)
@@ -123,14 +133,34 @@ class RobotAccess:
             kind = "a virtual prototype's" if self.operator.bridge.virtual_port else "a real one"
             raise SessionError(f"port {port} is {kind}, but session {settings.name} is not: begin another session for it")
         if meant is not None:
-            self._eye = ObserverClient(meant.observer, self._late.saw)
+            self._eye = ObserverClient(meant.observer, self._on_truth)
 
     def _start_prototype(self, stack: Stack, face: str) -> tuple[str, Handshake]:
         settings, hardware = self._session.settings, self._hardware
         self._links = Path(tempfile.mkdtemp(prefix="sixstrut-trial-", dir=temporary_parent()))
         link = self._links / "prototype"
         robot = VirtualRobot(face, settings.seed, settings.perturbation, hardware.time_scale, hardware.board, settings.actuators)
+        if hardware.mounting:
+            robot = replace(robot, mounting=Path(hardware.mounting))
         return str(link), robot.start_prototype(stack, link)
+
+    def _on_truth(self, observation: Observation) -> None:
+        """What a virtual prototype's observer sees, whether the stack hears of it or not. In another thread."""
+        self._late.saw(observation)
+        if observation.settled:
+            self._truth = observation.face or ""
+
+    def compare(self, face: str) -> str:
+        """Count whether a face that an inertial sensor told is the truth, where that is known; a remark if it is not. Raises StackError."""
+        if not self._hardware.mounting or self._eye is None:
+            return ""
+        self._truth = None  # what it saw of the robot at rest before the roll
+        self.operator.wait(
+            lambda: self._truth is not None, "rest, as the prototype's observer sees it,", 10.0 + CALM_LIMIT_S / self.scale
+        )
+        self.compared += 1
+        self.agreed += face == self._truth
+        return "" if face == self._truth else f"the sensor told {face}, the prototype's observer saw {self._truth or 'no face'}"
 
     def stop(self) -> dict[str, int]:
         """End client and processes in order; exit codes by name. Safe to call twice."""

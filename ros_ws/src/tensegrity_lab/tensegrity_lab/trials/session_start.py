@@ -26,8 +26,10 @@ from sim_core.gaits.success_counts import load_success_counts
 from sim_core.planning.face_graph import FaceGraph
 from sim_core.rolling.warm_up import Stage
 from sim_core.structure.parameters import load_prototype
+from tensegrity_lab.commissioning.imu_mounting import virtual_mounting
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.session_data.folder import (
+    MOUNTING,
     SessionFolder,
     Settings,
     begin_session,
@@ -46,7 +48,7 @@ from tensegrity_lab.terminal.compile_notice import compile_first
 from tensegrity_lab.terminal.keys import Keys, pressed, require_keyboard
 from tensegrity_lab.terminal.leaving import uninterrupted
 from tensegrity_lab.terminal.progress import duration_text
-from tensegrity_lab.trials.judge import Hands, Observer, Person
+from tensegrity_lab.trials.judge import Feeler, Hands, Observer, Person
 from tensegrity_lab.trials.panel import Panel
 from tensegrity_lab.trials.remote_panel import Remote
 from tensegrity_lab.trials.robot_access import Hardware, RobotAccess
@@ -55,6 +57,7 @@ from tensegrity_lab.trials.time_estimate import HANDS, PROGRAM, Estimate, Pace, 
 
 DEFAULTS: dict[str, Any] = {"library": "robust", "primitives": "all", "gaits": "all", "repeats": 1}
 VIRTUAL_DEFAULTS: dict[str, Any] = {"perturbation": 0.05, "seed": 1, "actuators": "stand-in"}
+OBSERVER, HAND, IMU = JUDGES = ("observer", "hand", "imu")
 EXIT_LEFT = 130
 CHAIN_TIME_SCALE = 2.0
 """A virtual prototype rolls chains no faster than this: what is late on the way from its observer to its struts fails them."""
@@ -70,7 +73,7 @@ class TrialRequest:
         experimenter: who runs it.
         virtual: a virtual prototype is started.
         hardware: how the robot is reached.
-        by_hand: a person judges, though an observer could.
+        judge: observer, hand or imu; empty: as the session has it, or as is usual.
         plan_only: show the plan and leave.
         domain: of ROS; None: with a virtual prototype of its own any that is free, with a port the shell's.
     """
@@ -80,7 +83,7 @@ class TrialRequest:
     experimenter: str
     virtual: bool
     hardware: Hardware
-    by_hand: bool
+    judge: str
     plan_only: bool
     domain: int | None = None
 
@@ -91,9 +94,14 @@ class TrialRequest:
         return self.virtual or (bool(port) and read_handshake(port) is not None)
 
     @property
+    def judged(self) -> str:
+        """By whom: the prototype's observer, a person's hand, or an inertial sensor."""
+        return self.judge or (OBSERVER if self.virtual_robot else HAND)
+
+    @property
     def automatic(self) -> bool:
-        """Whether the prototype's observer judges; else a person."""
-        return self.virtual_robot and not self.by_hand
+        """Whether nobody needs to be there: a virtual robot is put where it is needed."""
+        return self.virtual_robot and self.judged != HAND
 
     @property
     def given(self) -> dict[str, Any]:
@@ -133,8 +141,9 @@ def _open(asked: TrialRequest, path: Path) -> SessionFolder:
     if "library" in given:
         require_same(settings, {"library_hash": load_library(given.pop("library")).hash})
     require_same(settings, given)
+    asked = _as_begun(asked, folder)
     if not asked.plan_only:
-        _require_observer(asked, any(slot.chain for slot in folder.plan))
+        _require_judge(asked, any(slot.chain for slot in folder.plan))
     if not (asked.virtual or asked.hardware.port or asked.plan_only) or asked.virtual_robot != settings.virtual_robot:
         wanted = "--virtual" if settings.virtual_robot else "--port PORT --calibration FILE"
         if asked.virtual or asked.hardware.port or not settings.virtual_robot:
@@ -142,12 +151,28 @@ def _open(asked: TrialRequest, path: Path) -> SessionFolder:
     return folder
 
 
-def _require_observer(asked: TrialRequest, has_chains: bool) -> None:
-    """Raises SessionError: a chain is to be rolled that nobody observes."""
-    if has_chains and not asked.automatic:
+def _as_begun(asked: TrialRequest, folder: SessionFolder) -> TrialRequest:
+    """Judged as the session was from its beginning."""
+    return replace(asked, judge=folder.settings.judge)
+
+
+def _require_judge(asked: TrialRequest, has_chains: bool) -> None:
+    """Raises SessionError: who is to judge cannot."""
+    judge, hardware = asked.judged, asked.hardware
+    if judge not in JUDGES:
+        raise SessionError(f"judge {judge!r}: valid are {', '.join(JUDGES)}")
+    if judge == OBSERVER and not asked.virtual_robot:
+        raise SessionError("--judge observer: only a virtual prototype has one; judge by hand or imu")
+    if judge == IMU and not asked.virtual and not hardware.mounting:
         raise SessionError(
-            "chains are judged by an observer, face by face while the robot rolls on; here a person judges: choose primitives, or "
-            "give --virtual without --by-hand"
+            "--judge imu: give --mounting FILE, found with ./sixstrut calibrate imu, and --imu-port, if no driver runs"
+        )
+    if judge != IMU and (hardware.mounting or hardware.imu_port):
+        raise SessionError("--mounting and --imu-port are of an inertial sensor: give --judge imu too")
+    if has_chains and judge == HAND:
+        raise SessionError(
+            "chains are judged face by face while the robot rolls on; here a person judges: choose primitives, or give "
+            "--judge imu, or --virtual alone"
         )
 
 
@@ -168,9 +193,10 @@ def _planned(asked: TrialRequest, path: Path, console: Console) -> tuple[Setting
         if wrong:
             raise SessionError(f"--{wrong[0]} is of a virtual prototype that the session starts: give --virtual and no --port")
         chosen.setdefault("robot", "virtual prototype at a port" if virtual else "prototype")
+    chosen |= {"judge": asked.judged}
     library = load_library(chosen.pop("library"))
     gaits = chosen_gaits(chosen_primitives(library, chosen["primitives"]), chosen["gaits"])
-    _require_observer(asked, any(isinstance(gait, Chain) for gait in gaits))
+    _require_judge(asked, any(isinstance(gait, Chain) for gait in gaits))
     if not (asked.plan_only or asked.automatic):
         require_keyboard()
     compile_first(Stage.BATCH)
@@ -193,10 +219,11 @@ class _Run:
     def __init__(self, asked: TrialRequest, folder: SessionFolder, console: Console):
         if any(slot.chain for slot in folder.plan):
             asked = replace(asked, hardware=replace(asked.hardware, time_scale=min(asked.hardware.time_scale, CHAIN_TIME_SCALE)))
+        asked = _as_begun(asked, folder)
         self._asked, self._folder, self._console = asked, folder, console
         self._ledger = Ledger(folder.path)
         self._virtual = folder.settings.virtual_robot
-        self._automatic = self._virtual and not asked.by_hand
+        self._automatic = asked.automatic
         self._kind = "virtual trials" if self._virtual else "trials"
         self._speed_m_s = load_prototype().actuator_speed_m_s
 
@@ -247,7 +274,10 @@ class _Run:
     def _rolled(self, domain: Domain, lock: int, forecast_s: float) -> int:
         asked, folder, show = self._asked, self._folder, self._console.print
         show(domain.describe)
-        lab = RobotAccess(folder, replace(asked.hardware, observed=self._automatic), lock, *domain.locks)
+        hardware = replace(asked.hardware, observed=asked.judged != HAND)
+        if asked.judged == IMU and asked.virtual:
+            hardware = replace(hardware, mounting=str(self._mounting()))
+        lab = RobotAccess(folder, hardware, lock, *domain.locks)
         try:
             with ExitStack() as stack:
                 terminal = self._console.is_terminal and not self._console.is_dumb_terminal
@@ -268,6 +298,8 @@ class _Run:
         finally:
             with uninterrupted():
                 codes = lab.stop()
+        if lab.compared:
+            show(f"the prototype's observer, whom nobody heard, agrees with the sensor on {lab.agreed} of {lab.compared} trials")
         for name, code in codes.items():
             if code != 0:
                 show(f"warning: {name} ended with exit code {code}; its log is below {seen_from_here(folder.path)}")
@@ -275,10 +307,19 @@ class _Run:
 
     def _hands(self, keys: Keys | None, panel: Panel) -> Hands:
         owns, library = not self._asked.hardware.port, self._folder.library
+        graph = FaceGraph(library, load_success_counts(library))
         if self._automatic:
-            return Observer(FaceGraph(library, load_success_counts(library)), owns, panel.line)
+            return Observer(graph, owns, panel.line)
         assert keys is not None
-        return Person(keys, panel, owns)
+        return Feeler(keys, panel, owns, graph) if self._asked.judged == IMU else Person(keys, panel, owns)
+
+    def _mounting(self) -> Path:
+        """How the inertial sensor of the session's virtual prototype sits, found at the first start."""
+        file, settings = self._folder.path / MOUNTING, self._folder.settings
+        if not file.exists():
+            with self._console.status("feeling the inertial sensor of the virtual prototype") as status:
+                virtual_mounting(file, settings.seed, settings.perturbation, status.update)
+        return file
 
     def _end(self) -> int:
         """Tell what is done and what comes next; the exit code."""

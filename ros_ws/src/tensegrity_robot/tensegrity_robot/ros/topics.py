@@ -86,7 +86,9 @@ FRAMES = Topic(
 )
 ROBOT_DESCRIPTION = Topic("robot_description", String, qos.LATCHED, "others", "the robot's URDF, whose links are the frames of /tf")
 TWIN_COMMAND = Topic("twin/command", JointTrajectory, qos.STATES, "", "rest lengths for a stand-alone twin")
-IMU_DATA = Topic("imu/data", Imu, qos.SENSORS, "others", "an inertial sensor in the box, in its own axes; whose driver does not matter")
+IMU_DATA = Topic(
+    "imu/data", Imu, qos.SENSORS, "others", "an inertial sensor in the box, in its own axes; whose driver does not matter"
+)
 FACE_ESTIMATE = Topic("face_estimate", FaceEstimate, qos.STATES, "others", "what that sensor tells about the face, sure or not")
 GOAL_POSE = Topic("goal_pose", PoseStamped, qos.STATES, "others", "where to travel; replaces the travel under way")
 KEEP_IN = Topic(

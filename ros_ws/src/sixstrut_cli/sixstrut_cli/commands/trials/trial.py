@@ -46,7 +46,17 @@ def command(
         str | None, typer.Option(help="Its actuators: ideal, stand-in, or a YAML file; default: stand-in.")
     ] = None,
     time_scale: options.TimeScale = 8.0,
-    by_hand: Annotated[bool, typer.Option("--by-hand", help="Judge virtual trials yourself, to practise.")] = False,
+    judge: Annotated[
+        str,
+        typer.Option(
+            help="Who judges: observer, the virtual prototype's own; hand, you; imu, an inertial sensor in the box. "
+            "Default: observer if the robot is virtual, else hand."
+        ),
+    ] = "",
+    imu_port: Annotated[str, typer.Option(help="Port of the inertial sensor; default: its driver runs already.")] = "",
+    mounting: Annotated[
+        Path | None, typer.Option(help="How it sits, from `sixstrut calibrate imu`; a virtual one is felt at the start.")
+    ] = None,
     plan_only: Annotated[bool, typer.Option("--plan", help="Show the plan and its estimated time, and leave.")] = False,
     domain: options.Domain = None,
 ) -> None:
@@ -54,12 +64,14 @@ def command(
 
     The plan comes first: order, duty, time. Then each trial is checked, rolled, judged by one key (or by the virtual prototype's
     observer) and recorded. Ctrl-C, a power cut or a kill lose nothing: the same command goes on. Then: sixstrut report SESSION.
-    A chain of a cycle is one trial; an observer has to judge it, and a virtual prototype rolls it at twice real time at most.
+    With --judge imu nobody needs to look: where the sensor does not know, you are asked.
+    A chain of a cycle is one trial: an observer or a sensor judges it. A virtual prototype rolls it at twice real time at most.
     Exit code 0: all trials are done; 130: left before.
 
     sixstrut trial --library robust --primitives 1-40 --gaits all --port /dev/rfcomm0 --calibration my_calibration.yaml
     sixstrut trial bags/monday --primitives 1-4 --virtual --perturbation 0.1 --seed 3
     sixstrut trial bags/monday --virtual
+    sixstrut trial --virtual --judge imu --perturbation 0.1
     sixstrut trial --virtual --library continuous --primitives C1 --gaits TC6-TO5-TC3-TO4-TC4 --repeats 4
     """
     from sim_core.printable import NAME_MOST, printable
@@ -75,8 +87,10 @@ def command(
         "gaits": gaits,
         "repeats": repeats,
         "order_seed": order_seed,
+        "judge": judge or None,
     }
     plan |= {"order_seed": order_seed, "robot": robot, "perturbation": perturbation, "seed": seed, "actuators": actuators}
-    hardware = Hardware(port, board, baud, str(calibration or ""), time_scale, rested, silent_board)
+    imu = imu_port, str(mounting or "")
+    hardware = Hardware(port, board, baud, str(calibration or ""), time_scale, rested, silent_board, False, *imu)
     who = printable(experimenter or login(), NAME_MOST) or "unknown"
-    raise typer.Exit(run(TrialRequest(session, plan, who, virtual, hardware, by_hand, plan_only, domain)))
+    raise typer.Exit(run(TrialRequest(session, plan, who, virtual, hardware, judge, plan_only, domain)))
