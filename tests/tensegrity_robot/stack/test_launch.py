@@ -44,6 +44,11 @@ WRONG = [
     ({"library": "nonesuch"}, "shipped are:"),
     ({"calibration": "/nowhere.yaml"}, "calibration /nowhere.yaml: cannot be read"),
     ({"bags": "/proc/bags"}, "bags:=/proc/bags cannot be written"),
+    ({"imu": "mpu6050"}, "imu:=mpu6050: valid are wt901, topic, or nothing"),
+    ({"mounting": "mine.yaml"}, "imu_port and mounting are of an inertial sensor: give imu:=wt901"),
+    ({"imu": "wt901", "imu_port": "/dev/null"}, "the virtual prototype has its own"),
+    ({"virtual": "false", "port": "/dev/null", "imu": "wt901"}, "imu:=wt901 needs the sensor's port"),
+    ({"imu": "topic", "mounting": "/nowhere.yaml"}, "cannot read mounting /nowhere.yaml"),
     ({"rviz": "yes"}, "rviz:=yes: valid is true or false"),
     ({"rviz": "true"}, "rviz:=true, but rviz2 is not installed"),
     ({"namespace": "my robot"}, "namespace:=my robot: valid are letters, digits and single _"),
@@ -175,6 +180,21 @@ def test_all_of_it_is_in_the_namespace_and_so_is_its_prototype(processes_of: Any
         prototype, *nodes = processes_of(bags=str(tmp_path), namespace=given, pushed={"ros_namespace": outer})
         assert Path(prototype.cmd[prototype.cmd.index("--link") + 1]).name == link
         assert {node.namespace for node in nodes} == {given.strip("/")}
+
+
+def test_an_inertial_sensor_brings_its_nodes_and_is_alone_in_telling_faces(processes_of: Any, tmp_path: Path) -> None:
+    mounting = tmp_path / "mounting.yaml"
+    mounting.write_text("quaternion: [1.0, 0.0, 0.0, 0.0]\n", encoding="utf-8")
+    made = {action.name: action for action in processes_of(bags=str(tmp_path), imu="wt901", mounting=str(mounting))}
+    assert set(made) == VITAL | {"imu_driver", "face_estimator"}
+    prototype = made["virtual_prototype"].cmd
+    assert prototype[prototype.index("--imu") + 1] == "wt901"
+    assert made["hardware_bridge"].parameters[-1]["observer"] == "none"
+    assert {"mounting"} == set(made["face_estimator"].parameters[-1]) == set(made["twin"].parameters[-1])
+    real = {"virtual": "false", "port": "/dev/null", "imu": "topic"}
+    made = {action.name: action for action in processes_of(bags=str(tmp_path), **real)}
+    assert set(made) == VITAL - {"virtual_prototype"} | {"face_estimator"}, "somebody else's driver"
+    assert "observer" not in made["hardware_bridge"].parameters[-1], "a camera may look, too"
 
 
 def test_what_is_given_goes_before_the_parameter_file_and_what_is_not_does_not(processes_of: Any, tmp_path: Path) -> None:

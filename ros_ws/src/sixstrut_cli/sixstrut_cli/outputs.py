@@ -20,6 +20,7 @@ COUNTS = "gaits' success counts"
 KINDS = {
     "primitive library": "primitives",
     "prototype": "strut_length_m",
+    "mounting": "off_deg",
     "calibration": "struts",
     COUNTS: "wins",
     "ensemble": "members",

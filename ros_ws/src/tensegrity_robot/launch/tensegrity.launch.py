@@ -3,6 +3,7 @@
 
     ros2 launch tensegrity_robot tensegrity.launch.py
     ros2 launch tensegrity_robot tensegrity.launch.py virtual:=false port:=/dev/rfcomm0 calibration:=/path/to/mine.yaml
+    ros2 launch tensegrity_robot tensegrity.launch.py imu:=wt901                 # its faces told by an inertial sensor in its box
     ros2 launch tensegrity_robot tensegrity.launch.py namespace:=blue            # beside another one
 
 Nothing moves until somebody arms: ros2 service call /arm tensegrity_interfaces/srv/Arm "{lifted_and_clear: true}", in a namespace
@@ -14,7 +15,10 @@ holding the port.
 
 import shlex
 import sys
+from collections.abc import Mapping
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 from ament_index_python.packages import get_package_prefix, get_package_share_directory
 from launch import Action, LaunchContext, LaunchDescription
@@ -25,7 +29,7 @@ from launch_ros.parameter_descriptions import ParameterValue
 
 from hardware_bridge.driver.child_process import bound
 from hardware_bridge.prototype_client.handshake import default_link
-from tensegrity_robot.ros.launch_arguments import ARGUMENTS, require_arguments, truth
+from tensegrity_robot.ros.launch_arguments import ARGUMENTS, WT901, require_arguments, truth
 
 PACKAGE = "tensegrity_robot"
 LAUNCHS_OWN = ("launch-prefix", "launch-prefix-filter")
@@ -54,13 +58,14 @@ def _processes(context: LaunchContext) -> list[Action]:
     files = [given["params_file"]] if given["params_file"] else []
     prefix = [shlex.join(bound()), " ", LaunchConfiguration("launch-prefix", default="")]
 
-    def node(name: str, *arguments: str, **renamed: str) -> Node:
+    def node(name: str, *arguments: str, fixed: Mapping[str, str] = MappingProxyType({}), **renamed: str) -> Node:
         """With these parameters from the arguments that were given: a default must not hide what `params_file` says."""
-        chosen = {
+        chosen: dict[str, Any] = {
             parameter: ParameterValue(LaunchConfiguration(argument), value_type=KINDS.get(argument, str))
             for parameter, argument in {**dict(zip(arguments, arguments, strict=True)), **renamed}.items()
             if given[argument] != DEFAULTS[argument]
         }
+        chosen |= fixed
         return Node(
             package=PACKAGE,
             executable=name,
@@ -75,22 +80,29 @@ def _processes(context: LaunchContext) -> list[Action]:
             sigterm_timeout="15",  # the bridge verifies its bag when it ends
         )
 
+    virtual = truth(given, "virtual")
     processes: list[Action] = [
-        node("twin", "start_face"),
+        node("twin", "start_face", "mounting"),
         node("gait_planner", "library"),
         node("traveller", "library"),
         node(
             "hardware_bridge",
             *("port", "board", "time_scale", "calibration", "rested_s", "silent_board", "library"),
             bag_folder="bags",
+            fixed={"observer": "none"} if virtual and given["imu"] else {},
         ),
     ]
+    if given["imu"]:
+        processes.append(node("face_estimator", "mounting"))
+    if given["imu"] == WT901:
+        processes.append(node("imu_driver", port="imu_port"))
     if truth(given, "rviz"):
         view = ["-d", str(share / "rviz" / "tensegrity.rviz"), "-f", f"{space}/odom".lstrip("/")]  # its topics are relative
         processes.append(Node(package="rviz2", executable="rviz2", namespace=own, arguments=view, prefix=prefix))
-    if truth(given, "virtual"):
+    if virtual:
         drawn = ("seed", "perturbation", "incline", "time_scale", "board")
         options = [option for name in drawn for option in (f"--{name.replace('_', '-')}", given[name])]
+        options += ["--imu", WT901] if given["imu"] == WT901 else []
         # Not a ROS node: it would not understand the --ros-args that launch gives to every node.
         name = "virtual_prototype"
         program = str(Path(get_package_prefix(PACKAGE)) / "lib" / PACKAGE / name)

@@ -48,7 +48,7 @@ class Finding(NamedTuple):
     mend: str = ""
 
 
-def examine(port: str, board: Board, baud: int, calibration: Path | None) -> Iterator[Finding]:
+def examine(port: str, board: Board, baud: int, calibration: Path | None, imu: str = "") -> Iterator[Finding]:
     """Every check, in the order in which things must be mended.
 
     Args:
@@ -56,8 +56,9 @@ def examine(port: str, board: Board, baud: int, calibration: Path | None) -> Ite
         board: its kind.
         baud: rate of the port.
         calibration: its file; None: none is given.
+        imu: port of an inertial sensor; empty: none is given.
     """
-    from tensegrity_lab.commissioning.port_checks import check_bluetooth, check_port
+    from tensegrity_lab.commissioning.port_checks import check_bluetooth, check_port, check_sensor
 
     chosen = port or str(default_link())
     handshake, doubt = virtual_port.examine(chosen)
@@ -73,6 +74,8 @@ def examine(port: str, board: Board, baud: int, calibration: Path | None) -> Ite
         yield from check_port(chosen, baud or board.quirks.usual_baud, board)
     else:
         yield Finding("port", Health.SKIPPED, "none given, and no virtual prototype runs", "give --port, or start a prototype")
+    if imu:
+        yield from check_sensor(imu)
     yield check_calibration(calibration, real=bool(port) and not virtual)
     yield check_computer()
     yield check_home()

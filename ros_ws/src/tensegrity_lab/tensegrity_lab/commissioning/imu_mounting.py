@@ -8,6 +8,7 @@ from contextlib import closing
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 
 from hardware_bridge.errors import LinkLost
 from hardware_bridge.imu.sensor_port import SensorPort
@@ -17,10 +18,13 @@ from hardware_bridge.virtual_prototype.practice import practice_prototype
 from sim_core.dynamics.model import build_model
 from sim_core.errors import ParameterError
 from sim_core.sensing.face_filter import box_share
-from sim_core.sensing.mounting import Mounting, found_mounting, mounting_text
+from sim_core.sensing.mounting import LEAST_FACES, Mounting, found_mounting, mounting_text
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import load_prototype
+from sim_core.structure.topology import FACES as ALL_FACES
 from tensegrity_lab.errors import StackError
+from tensegrity_lab.session_data.ledger import write_durably
+from tensegrity_lab.terminal.keys import require_keyboard
 
 FACES = ("TC6", "TO5", "TC3", "TO9", "TC2", "TO12")
 """That are felt: they look into directions that are far apart."""
@@ -70,5 +74,35 @@ def virtual_mounting(file: Path, seed: int, perturbation: float, tell: Callable[
         mounting = fitted(felt)
     except (ParameterError, LinkLost) as error:
         raise StackError(f"its inertial sensor cannot be used: {error}") from error
-    file.write_text(mounting_text(mounting), encoding="utf-8")
+    write_mounting(file, mounting)
     return mounting
+
+
+def write_mounting(file: Path, mounting: Mounting) -> None:
+    """Replaces the file at once. Raises OSError: it cannot be written; the old one stays."""
+    write_durably(file, mounting_text(mounting))
+
+
+def felt_by_hand(port: str, baud: int, console: Console) -> dict[str, Array]:
+    """As a person puts the robot on face after face, and says so. Raises KeyboardMissing, BridgeError, KeyboardInterrupt."""
+    require_keyboard()
+    felt: dict[str, Array] = {}
+    with closing(SensorPort(port, baud)) as sensor:
+        console.print(
+            f"The sensor at {port} is heard. Struts at mid stroke, a level floor; {LEAST_FACES} faces are needed, one of them "
+            "a TO, and six are better. Ctrl-C leaves, and nothing is written."
+        )
+        for face in FACES:
+            while (
+                named := console.input(f"Put the robot on {face}, let go, then Enter; or say the face it is on, or - for none: ")
+            ) != "-":
+                if (named.strip() or face) not in ALL_FACES:
+                    console.print(f"{named} is no face: valid are TC1 to TC8 and TO1 to TO12")
+                    continue
+                try:
+                    felt[named.strip() or face] = felt_up(sensor)
+                except ParameterError as error:
+                    console.print(f"Once more: {error}.")
+                    continue
+                break
+    return felt

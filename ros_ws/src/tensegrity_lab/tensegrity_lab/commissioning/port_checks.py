@@ -7,15 +7,23 @@ import shutil
 import stat
 import subprocess
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
+
+import numpy as np
 
 from hardware_bridge.boards.board import Board
 from hardware_bridge.errors import BridgeError, PortBusy
+from hardware_bridge.imu.sensor_port import SensorPort
 from hardware_bridge.link.board_link import first_answer
 from hardware_bridge.link.transport import SerialTransport
+from sim_core.errors import ParameterError
 from tensegrity_lab.commissioning.checks import Finding, Health
+from tensegrity_lab.commissioning.imu_mounting import felt_up
 
 ANSWER_LIMIT_S = 1.0
+SENSOR_S = 1.0
+OURS = ("lib/tensegrity_robot/hardware_bridge", "lib/tensegrity_robot/imu_driver")
 BLUETOOTHCTL_LIMIT_S = 5.0
 
 
@@ -43,6 +51,30 @@ def check_port(port: str, baud: int, board: Board) -> Iterator[Finding]:
         yield _ask(transport, board)
     finally:
         transport.close()
+
+
+def check_sensor(port: str) -> Iterator[Finding]:
+    """An inertial sensor: whether it measures, fast enough, and feels gravity."""
+    if "://" not in port:
+        there = _check_there(port, "sensor")
+        if there.health is Health.FINE:
+            there = _check_allowed(port, "sensor")
+        if there.health is not Health.FINE:
+            yield there
+            return
+    try:
+        with closing(SensorPort(port)) as sensor:
+            up = felt_up(sensor, SENSOR_S)
+            rate_hz, bad = sensor.measurements / SENSOR_S, sensor.bad_bytes
+    except PortBusy as error:
+        yield _busy(port, error)
+    except BridgeError as error:
+        yield Finding("sensor", Health.MEND, str(error), "see the remedy in that line")
+    except ParameterError as error:
+        yield Finding("sensor", Health.MEND, f"{port}: {error}", "set it up with its maker's program, and let it rest")
+    else:
+        told = f"{rate_hz:.0f} measurements a second, {np.linalg.norm(up):.2f} m/s^2 at rest, {bad} bad bytes"
+        yield Finding("sensor", Health.FINE, told)
 
 
 def check_bluetooth(port: str, sys: Path = Path("/sys")) -> Iterator[Finding]:
@@ -75,20 +107,19 @@ def _paired() -> Finding:
     return Finding("pairing", Health.FINE, f"paired: {'; '.join(devices)}")
 
 
-def _check_there(port: str) -> Finding:
+def _check_there(port: str, what: str = "port") -> Finding:
     if not os.path.exists(port):  # noqa: PTH110 (no error where it may not be looked at)
         name = Path(port).name
         mend = "plug the board in and look at: ls /dev/tty*"
         if name.startswith("rfcomm"):
             mend = f"switch the robot on, then: sudo rfcomm bind {name.removeprefix('rfcomm') or 0} MAC 1"
-        return Finding("port", Health.MEND, f"{port} does not exist", mend)
+        return Finding(what, Health.MEND, f"{port} does not exist", mend)
     if not stat.S_ISCHR(Path(port).stat().st_mode):
-        return Finding("port", Health.MEND, f"{port} is no serial port", "give a tty, such as /dev/rfcomm0 or /dev/ttyUSB0")
-    return Finding("port", Health.FINE, f"{port} exists")
+        return Finding(what, Health.MEND, f"{port} is no serial port", "give a tty, such as /dev/rfcomm0 or /dev/ttyUSB0")
+    return Finding(what, Health.FINE, f"{port} exists")
 
 
-def _check_allowed(port: str) -> Finding:
-    what = "permissions"
+def _check_allowed(port: str, what: str = "permissions") -> Finding:
     if os.access(port, os.R_OK | os.W_OK):
         return Finding(what, Health.FINE, f"{port} may be read and written")
     try:
@@ -102,8 +133,8 @@ def _check_allowed(port: str) -> Finding:
 def _busy(port: str, error: PortBusy) -> Finding:
     """A bridge of ours that holds the port is as it should be."""
     for pid, name in _holders(port):
-        if any(word.endswith("lib/tensegrity_robot/hardware_bridge") for word in name.split()):
-            return Finding("link", Health.FINE, f"the bridge has it (process {pid}); its health is on /diagnostics")
+        if any(word.endswith(OURS) for word in name.split()):
+            return Finding("link", Health.FINE, f"the stack has it (process {pid}); its health is on /diagnostics")
         return Finding("link", Health.MEND, f"{port} is held by process {pid}, {name}", f"end that program: kill {pid}")
     return Finding("link", Health.MEND, str(error), f"see who holds it: fuser {port}")
 

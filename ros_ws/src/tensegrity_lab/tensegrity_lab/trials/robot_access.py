@@ -151,7 +151,7 @@ class RobotAccess:
             self._truth = observation.face or ""
 
     def compare(self, face: str) -> str:
-        """Count whether a face that an inertial sensor told is the truth, where that is known; a remark if it is not. Raises StackError."""
+        """Count whether a face that a sensor told is the truth, where that is known; a remark if it is not. Raises StackError."""
         if not self._hardware.mounting or self._eye is None:
             return ""
         self._truth = None  # what it saw of the robot at rest before the roll

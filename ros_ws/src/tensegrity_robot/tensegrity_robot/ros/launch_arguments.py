@@ -17,6 +17,7 @@ from sim_core.files.places import folder_problem
 from sim_core.files.yaml_reader import read_yaml
 from sim_core.gaits.library import load_library
 from sim_core.gaits.success_counts import load_success_counts
+from sim_core.sensing.mounting import load_mounting
 from sim_core.structure.topology import require_face
 from sim_core.uncertainty.perturbation_law import MAX_INCLINE_DEG, MAX_SCALE
 from tensegrity_robot.ros.errors import StartError, require_known
@@ -37,10 +38,19 @@ ARGUMENTS = (
     ("silent_board", "false", "the operator's word: this board cannot answer; arm it all the same"),
     ("library", "robust", "gait library: a shipped name, or a YAML file"),
     ("bags", "", "folder for the recorded bags; empty: $SIXSTRUT_BAGS or ./bags"),
+    (
+        "imu",
+        "",
+        "an inertial sensor in the box tells the faces, and no virtual observer does: wt901, with its driver; topic, with another "
+        "driver on imu/data; empty: there is none",
+    ),
+    ("imu_port", "", "its device or socket://HOST:PORT; empty: the virtual prototype's"),
+    ("mounting", "", "YAML of how it sits, from `sixstrut calibrate imu`; empty: its axes are the box's"),
     ("rviz", "false", "start RViz with the twin"),
 )
 """Name, default, description."""
 
+SENSORS = NONE, WT901, TOPIC = "", "wt901", "topic"
 PARAMETERS = "ros__parameters"
 LONGEST_SEED = 2**31 - 1
 LONGEST_REST_S = 1e6
@@ -85,6 +95,7 @@ def require_arguments(given: Mapping[str, str], prefix_of: Callable[[str], str],
     _number(given, "incline", 0.0, MAX_INCLINE_DEG)
     if not given["seed"].isdecimal() or int(given["seed"]) > LONGEST_SEED:
         raise StartError(f"seed:={given['seed']}: valid is a whole number from 0 to {LONGEST_SEED}")
+    _require_sensor(given, virtual)
     try:
         require_face(given["start_face"])
         parse_board(given["board"])
@@ -95,6 +106,24 @@ def require_arguments(given: Mapping[str, str], prefix_of: Callable[[str], str],
     _require_bags(bag_folder(given["bags"]))
     if truth(given, "rviz"):
         _require_rviz(prefix_of)
+
+
+def _require_sensor(given: Mapping[str, str], virtual: bool) -> None:
+    imu, port, mounting = (given[name] for name in ("imu", "imu_port", "mounting"))
+    if imu not in SENSORS:
+        raise StartError(f"imu:={imu}: valid are {', '.join(filter(None, SENSORS))}, or nothing")
+    if (port or mounting) and not imu:
+        raise StartError("imu_port and mounting are of an inertial sensor: give imu:=wt901, or imu:=topic, too")
+    if port and (imu == TOPIC or virtual):
+        raise StartError(
+            f"imu_port:={port}: {'another driver has the port' if imu == TOPIC else 'the virtual prototype has its own'}"
+        )
+    if imu == WT901 and not (virtual or port):
+        raise StartError("imu:=wt901 needs the sensor's port, such as imu_port:=/dev/ttyUSB1")
+    try:
+        load_mounting(mounting) if mounting else None
+    except SimError as error:
+        raise StartError(str(error)) from error
 
 
 def truth(given: Mapping[str, str], name: str) -> bool:

@@ -12,9 +12,19 @@ import typer
 from sixstrut_cli import options
 from sixstrut_cli.outputs import console, output_of
 
+IMU = Path("imu")
+
 
 def command(
-    file: Annotated[Path, typer.Argument(help="The YAML to write.", callback=output_of("calibration"))] = Path("calibration.yaml"),
+    file: Annotated[Path, typer.Argument(help="The YAML to write; or the word imu.", callback=output_of("calibration"))] = Path(
+        "calibration.yaml"
+    ),
+    mounting: Annotated[
+        Path | None,
+        typer.Argument(
+            help="After imu: the YAML to write; default: mounting.yaml.", callback=output_of("mounting"), show_default=False
+        ),
+    ] = None,
     robot: Annotated[str, typer.Option(help="The robot's name, by which it is known at any port; default: asked.")] = "",
     port: options.Port = "",
     board: options.Board = "lsc",
@@ -31,7 +41,18 @@ def command(
     sixstrut calibrate my_calibration.yaml --port /dev/rfcomm0 --robot "blue one"
     sixstrut calibrate my_calibration.yaml --port /dev/ttyUSB0 --board ssc32
     sixstrut calibrate practice.yaml --virtual --board maestro
+
+    With imu it finds how an inertial sensor sits in the robot's box: put the robot on six faces, struts at mid stroke, on a level
+    floor. Without --virtual it needs the sensor's --port, which no driver may hold meanwhile.
+
+    sixstrut calibrate imu mounting.yaml --port /dev/ttyUSB1
+    sixstrut calibrate imu practice.yaml --virtual
     """
+    if file == IMU:
+        _mounting(mounting or Path("mounting.yaml"), port, baud, virtual)
+        return
+    if mounting is not None:
+        raise typer.BadParameter(f"one file is written, {file}; a second one only after imu", param_hint="MOUNTING")
     from hardware_bridge.boards.registry import parse_board
     from hardware_bridge.driver.jogger import Jogger
     from hardware_bridge.link.transport import SerialTransport
@@ -86,3 +107,23 @@ def command(
             screen.print(f"\nLeft. What is done is kept; go on with the same command for {file}.")
             raise typer.Exit(130) from None
     screen.print(f"Written: {file}. Start the bridge with calibration:={file}")
+
+
+def _mounting(file: Path, port: str, baud: int, virtual: bool) -> None:
+    """Of an inertial sensor, from faces that a person names, or that a virtual prototype is put on."""
+    from math import degrees
+
+    from tensegrity_lab.commissioning.imu_mounting import felt_by_hand, fitted, virtual_mounting, write_mounting
+
+    screen = console(err=False)
+    if virtual == bool(port):
+        raise typer.BadParameter("give the sensor's port, or --virtual to practise", param_hint="--port")
+    if virtual:
+        with screen.status("feeling") as status:
+            found = virtual_mounting(file, 1, 0.05, status.update)
+    else:
+        found = fitted(felt_by_hand(port, baud, screen))
+        write_mounting(file, found)
+    off = ", ".join(f"{face} {degrees(off_rad):.1f}" for face, off_rad in found.off_rad.items())
+    screen.print(f"The faces fit to degrees: {off}")
+    screen.print(f"Written: {file}. Launch with imu:=wt901 mounting:={file}, or give it to trial --judge imu --mounting {file}")

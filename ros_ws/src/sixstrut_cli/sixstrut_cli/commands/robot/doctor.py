@@ -2,6 +2,7 @@
 """`sixstrut doctor`: what is well, what is not, and how to mend it."""
 
 import json
+from typing import Annotated
 
 import typer
 
@@ -16,6 +17,7 @@ def command(
     board: options.Board = "lsc",
     baud: options.Baud = 0,
     calibration: options.Calibration = None,
+    imu: Annotated[str, typer.Option("--imu", metavar="PORT", help="Also the inertial sensor at this port.")] = "",
     as_json: options.Json = False,
 ) -> None:
     """Check versions, pairing, port, permissions, calibration, disk and network. Moves and changes nothing.
@@ -23,13 +25,13 @@ def command(
     Exit code 0: all fine; 4: something to mend.
 
     sixstrut doctor
-    sixstrut doctor --port /dev/rfcomm0 --calibration my_calibration.yaml
+    sixstrut doctor --port /dev/rfcomm0 --calibration my_calibration.yaml --imu /dev/ttyUSB1
     """
     announce("looking at versions, port, calibration, computer, folders and network, some seconds")
     from hardware_bridge.boards.registry import parse_board
     from tensegrity_lab.commissioning.checks import Health, examine
 
-    findings = list(examine(port, parse_board(board), baud, calibration))
+    findings = list(examine(port, parse_board(board), baud, calibration, imu))
     if as_json:
         typer.echo(json.dumps([{"what": f.what, "health": str(f.health), "told": f.told, "mend": f.mend} for f in findings]))
     else:
