@@ -111,6 +111,16 @@ def test_what_a_silent_bridge_said_before_is_not_told_as_if_it_were_so_now(page)
     assert "nearly spent" not in page.inner_text("#troubles")
 
 
+def test_an_inertial_sensor_says_how_sure_it_is_or_why_it_is_not(page):
+    said = {"source": "imu", "face": "TC6", "observed": "TC6", "predicted": "TC6"}
+    told(page, alive=True, **said, detail="99.9 %")
+    assert page.inner_text("#faceSource") == "imu 99.9 %"
+    told(page, **said | {"face": ""}, detail="99.5 %")
+    assert page.inner_text("#faceSource").startswith("imu 99.5 %, rolling onto TC6")
+    told(page, **said | {"face": "", "observed": ""}, detail="no measurement came for 0.5 s, while the struts moved")
+    assert page.inner_text("#faceSource").startswith("imu: no measurement came for 0.5 s")
+
+
 def test_a_stop_is_told_as_long_as_it_is_in_force(page):
     told(page, alive=True, state="ARMED")
     page.evaluate("tell('stopped: in force 4 ms after the call', 'good'); toldAt = 0")

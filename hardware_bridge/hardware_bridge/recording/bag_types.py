@@ -39,6 +39,8 @@ TOPICS: dict[str, tuple[str, str]] = {
     ),
     "rehearsal": ("tensegrity_interfaces/msg/Rehearsal", "Header header, string source_face, RehearsedGait[] gaits"),
     "bridge/state": ("tensegrity_interfaces/msg/BridgeState", "Header header, string state"),
+    "imu/data": ("sensor_msgs/msg/Imu", "Header header, Vector3 angular_velocity, Vector3 linear_acceleration"),
+    "face_estimate": ("tensegrity_interfaces/msg/FaceEstimate", "Header header, float64[4] mounting"),
 }
 """Topic -> type and its fields that are read."""
 
@@ -47,6 +49,7 @@ _PARTS = {
     "Time": ("builtin_interfaces/Time", "int32 sec, uint32 nanosec"),
     "JointTrajectoryPoint": ("trajectory_msgs/JointTrajectoryPoint", "float64[] positions"),
     "Pose": ("geometry_msgs/Pose", "Point position"),
+    "Vector3": ("geometry_msgs/Vector3", "float64 x, float64 y, float64 z"),
     "Point": ("geometry_msgs/Point", "float64 x, float64 y, float64 z"),
     "RehearsedGait": (
         "tensegrity_interfaces/RehearsedGait",

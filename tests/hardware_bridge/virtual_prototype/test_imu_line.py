@@ -46,7 +46,9 @@ def test_it_freezes_turns_and_vanishes_as_it_is_told(link):
     with closing(SensorPort(port)) as sensor:
         before = up_of(heard(sensor, 100))
         inject(link, "imu_frozen")
-        wait_until(lambda: len({measurement for _, measurement in heard(sensor, 10)}) == 1, 30.0, "the same figures again and again")
+        wait_until(
+            lambda: len({measurement for _, measurement in heard(sensor, 10)}) == 1, 30.0, "the same figures again and again"
+        )
         inject(link, "clear")
         wait_until(lambda: len({measurement for _, measurement in heard(sensor, 10)}) > 5, 30.0, "figures that differ")
         inject(link, "imu_turned", degrees=60.0)

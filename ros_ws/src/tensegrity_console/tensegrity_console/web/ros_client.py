@@ -116,7 +116,7 @@ class RosSide:
 
     def _on_face(self, message: FaceObservation) -> None:
         face, source = printable(message.face, NAME_MOST), printable(message.source, NAME_MOST)
-        self._keep(observed=face, settled=bool(message.settled), source=source)
+        self._keep(observed=face, settled=bool(message.settled), source=source, detail=printable(message.detail))
 
     # ---- what is asked ----------------------------------------------------------------------------------------------
 

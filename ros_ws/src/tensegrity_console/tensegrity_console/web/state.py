@@ -42,6 +42,7 @@ class Facts:
     observed: str = ""
     settled: bool = False
     source: str = ""
+    detail: str = ""  # what was seen: of an inertial sensor, how sure it is, or why it does not know
     predicted: str = ""
     # of the twin: twelve joints, then the box, in m; forces in N, of struts + tension
     joints_m: Places = field(default_factory=lambda: NOWHERE)
@@ -72,7 +73,7 @@ class Facts:
 
 TOLD = (
     "state", "reason", "holder", "link_ok", "virtual", "duty_left_s", "battery_v", "bag", "bag_messages", "diagnostics",
-    "face", "source", "predicted", "unrehearsed", "roll", "travel", "last", "trial",
+    "face", "observed", "source", "detail", "predicted", "unrehearsed", "roll", "travel", "last", "trial",
 )  # fmt: skip
 """Of the facts, what a page is told as it is."""
 

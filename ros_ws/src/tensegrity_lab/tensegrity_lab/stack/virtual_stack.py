@@ -154,7 +154,8 @@ class VirtualRobot:
         """
         link = folder / "prototype"
         handshake = self.start_prototype(stack, link)
-        stack.node("twin", start_face=self.face)
+        mounting: dict[str, Any] = {} if self.mounting is None else {"mounting": self.mounting.resolve()}
+        stack.node("twin", start_face=self.face, **mounting)
         stack.node("gait_planner", library=self.library, prototype=handshake.instance)
         observer: dict[str, Any] = {}
         if self.mounting is not None:

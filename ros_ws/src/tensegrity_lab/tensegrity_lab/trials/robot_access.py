@@ -121,7 +121,8 @@ class RobotAccess:
             bridge |= {"observer": "none"}
         if not hardware.port:
             bridge |= {"time_scale": hardware.time_scale, "state_folder": self._links}
-        stack.node("twin", start_face=face)
+        seat: dict[str, Any] = {"mounting": Path(hardware.mounting).resolve()} if hardware.mounting else {}
+        stack.node("twin", start_face=face, **seat)
         confirm = "observed" if hardware.observed else "predicted"  # a person judges in their own time, after the roll
         stack.node("gait_planner", library=library, confirm=confirm, prototype=prototype)
         stack.node("hardware_bridge", **{name: value for name, value in bridge.items() if value not in ("", 0)})

@@ -22,6 +22,7 @@ from sim_core.sensing.face_watch import FaceWatch, Word
 from sim_core.sensing.mounting import load_mounting
 from sim_core.structure.arrays import Array
 from sim_core.structure.parameters import load_prototype
+from sim_core.structure.rotations import quaternion_of
 from sim_core.twin.live_bridge import LiveBridge, age_s, is_fresh
 from tensegrity_interfaces.msg import BridgeState, FaceEstimate, FaceObservation, StrutsSent
 from tensegrity_interfaces.srv import SetFace
@@ -151,6 +152,7 @@ class FaceEstimatorNode(Node):
                 moving=watch.moving,
                 residual_rad=watch.residual_rad,
                 face=watch.known,
+                mounting=quaternion_of(self._rotation),
                 doubt=watch.doubt,
             )
         )

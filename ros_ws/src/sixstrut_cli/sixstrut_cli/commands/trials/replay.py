@@ -141,7 +141,9 @@ def _whole(
     from hardware_bridge.recording.bag_reader import read_session
     from hardware_bridge.recording.bag_types import TOPICS
     from sim_core.dynamics.actuators import require_actuators
+    from sim_core.dynamics.robot import Robot
     from sim_core.files.places import folder_problem
+    from tensegrity_lab.bags.felt_faces import FeltFaces
     from tensegrity_lab.bags.replay import model_of, replay, require_same_model
     from tensegrity_lab.bags.trial_replay import changed_model
     from tensegrity_lab.reports.animation import Moment, Stand, animate, moment_of
@@ -157,9 +159,13 @@ def _whole(
         require_same_model(session, model_of(session))
     model = changed_model(session, changes, drives)
     moments: list[Moment] = []
-    watch = (
-        (lambda time_s, robot: moments.append(moment_of(time_s, robot))) if animation is not None else (lambda time_s, robot: None)
-    )
+    felt = FeltFaces(session)
+
+    def watch(time_s: float, robot: Robot) -> None:
+        felt(time_s, robot)
+        if animation is not None:
+            moments.append(moment_of(time_s, robot))
+
     with bars("events", "nothing was written") as bar:
         result = replay(session, model, drives, bar("replaying"), watch)
     same_bits = result.same_states == result.live_states
@@ -175,7 +181,8 @@ def _whole(
         told = {key: getattr(result, key) for key in ("digest", "step", "model_hash", "live_states", "same_states", "resets")}
         faces = [{**vars(check), "agrees": check.agrees} for check in result.faces]
         ends = {"final_face": result.final, "recorded_face": result.recorded}
-        typer.echo(json.dumps({"bag": str(bag), **told, "faces": faces, **ends}))
+        sensor = {"measurements": felt.measurements, "then": felt.then, "now": felt.now} if felt.measurements else None
+        typer.echo(json.dumps({"bag": str(bag), **told, "faces": faces, **ends, "imu": sensor}))
         draw()
         return same_bits and same_face
     for check in result.faces:
@@ -187,6 +194,8 @@ def _whole(
         say(f"  {result.same_states} of {result.live_states} recorded states of the live twin: {verdict}")
     else:
         typer.echo("  the bag holds no states of a live twin with this model to compare with")
+    if felt.measurements:
+        say(f"  {felt.text()}")
     end = f"ended on {result.final or 'no face'}"
     say(f"  {end}, recorded: {result.recorded or 'nobody looked'}{'' if same_face else ' — they differ'}")
     say(f"  final state {result.digest} at step {result.step}, model {result.model_hash}")

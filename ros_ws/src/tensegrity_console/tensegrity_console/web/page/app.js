@@ -152,7 +152,12 @@ function show(now) {
 function whoSaw(now) {
   if (!now.source) return now.predicted ? "predicted, nobody looked" : "nobody looked";
   const twin = now.predicted && now.predicted !== now.face ? `; twin: ${now.predicted}` : "";
-  return `seen by ${now.source}${now.alive ? "" : " before the bridge fell silent"}${twin}`;
+  let seen = `seen by ${now.source}`;
+  if (now.source === "imu") {
+    const onto = now.face || !now.observed ? "" : `, rolling onto ${now.observed}`;
+    seen = `imu${now.observed ? "" : ":"} ${now.detail}${onto}`;
+  }
+  return `${seen}${now.alive ? "" : " before the bridge fell silent"}${twin}`;
 }
 
 function health(now, name, words, bad) {
