@@ -27,8 +27,8 @@ NONE = len(NAMES)
 """Index of "on none" among the probabilities."""
 
 # rows of the state
-DOWN, FLOOR, BIAS, QUIET_S, SLOPE_KNOWN, APART_S = 0, 3, 6, 9, 10, 11
-ROWS = 12
+DOWN, FLOOR, FELT, BIAS, QUIET_S, SLOPE_KNOWN, APART_S = 0, 3, 6, 9, 12, 13, 14
+ROWS = 15
 
 BESIDE = np.array([[i for i, a in enumerate(FACES.values()) if len(set(a) & set(b)) == 2] for b in FACES.values()])
 """Of each face, the three that share an edge with it, of tendons or none: (20, 3)."""
@@ -41,6 +41,7 @@ class FilterRules(NamedTuple):
         known_rad: scatter of a face's normal about the floor's, where the slope is known: errors of shape and mounting.
         unknown_rad: likewise where it is not known: slopes up to 10° beside that.
         center_m: scatter of the centre of mass over a face.
+        smooth_s: time over which accelerations are averaged.
         pull_s: time in which accelerations pull the directions.
         loud: accelerations that differ from gravity by more than this part of it do not.
         quiet_rad_s: slower is at rest.
@@ -52,6 +53,7 @@ class FilterRules(NamedTuple):
     known_rad: float = math.radians(2.0)
     unknown_rad: float = math.radians(6.5)
     center_m: float = 0.0045
+    smooth_s: float = 0.1
     pull_s: float = 0.4
     loud: float = 0.1
     quiet_rad_s: float = math.radians(3.0)
@@ -101,7 +103,7 @@ def box_share(model: Model) -> float:
 def new_state(acceleration: Array) -> Array:
     """Before the second measurement: down as the first acceleration, (3,), has it."""
     state = np.zeros(ROWS)
-    state[DOWN : DOWN + 3] = state[FLOOR : FLOOR + 3] = -acceleration / max(1e-9, float(np.linalg.norm(acceleration)))
+    state[DOWN : DOWN + 3] = state[FLOOR : FLOOR + 3] = state[FELT : FELT + 3] = -acceleration / max(1e-9, float(np.linalg.norm(acceleration)))
     return state
 
 
@@ -119,14 +121,15 @@ def track(state: Array, dt_s: float, rate_rad_s: Array, acceleration_m_s2: Array
     """
     rate = rate_rad_s - state[BIAS : BIAS + 3]
     _turn(state, rate, -dt_s)
-    size = math.sqrt((acceleration_m_s2**2).sum())
-    loud = abs(size / GRAVITY_M_S2 - 1.0)
+    felt = state[FELT : FELT + 3]  # a box that swings after a landing shakes about down
+    felt += min(1.0, dt_s / rules.smooth_s) * (-acceleration_m_s2 / GRAVITY_M_S2 - felt)
+    size = math.sqrt((felt**2).sum())
+    loud = abs(size - 1.0)
     if loud < rules.loud:
-        # the smallest turn from down towards minus the acceleration, a part of it
-        pull = -np.cross(state[DOWN : DOWN + 3], acceleration_m_s2) / size
-        agrees = (state[DOWN : DOWN + 3] * acceleration_m_s2).sum() < -size * math.cos(rules.apart_rad)
+        # the smallest turn from down towards what is felt, a part of it
+        agrees = (state[DOWN : DOWN + 3] * felt).sum() > size * math.cos(rules.apart_rad)
         state[APART_S] = 0.0 if agrees else state[APART_S] + dt_s
-        _turn(state, pull, min(1.0, dt_s / rules.pull_s))
+        _turn(state, np.cross(state[DOWN : DOWN + 3], felt) / size, min(1.0, dt_s / rules.pull_s))
     if math.sqrt((rate**2).sum()) < rules.quiet_rad_s and loud < rules.loud:
         state[QUIET_S] += dt_s
         if still and state[QUIET_S] > 0.5:
@@ -141,11 +144,12 @@ def track(state: Array, dt_s: float, rate_rad_s: Array, acceleration_m_s2: Array
 
 @njit(cache=True)
 def _turn(state: Array, axis: Array, angle: float) -> None:
-    """Both directions, about an axis whose length scales the angle; small angles."""
-    for row in (DOWN, FLOOR):
+    """All directions, about an axis whose length scales the angle; small angles."""
+    for row in (DOWN, FLOOR, FELT):
         direction = state[row : row + 3]
+        size = math.sqrt((direction**2).sum())
         direction += angle * np.cross(axis, direction)
-        direction /= math.sqrt((direction**2).sum())
+        direction *= size / max(1e-9, math.sqrt((direction**2).sum()))
 
 
 @njit(cache=True)

@@ -101,6 +101,8 @@ class FaceWatch:
     def said(self, face: str) -> None:
         """Somebody else says the face (empty: on none, or nobody knows). A doubt ends if the sensor agrees."""
         self._vouched = face
+        if face and self._best() == (face, True):
+            self.doubt = ""
         self.known, self._told = face, (face, True)
         self._before = face or self._before
         if not self._driven:
