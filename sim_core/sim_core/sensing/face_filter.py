@@ -32,6 +32,8 @@ ROWS = 15
 
 BESIDE = np.array([[i for i, a in enumerate(FACES.values()) if len(set(a) & set(b)) == 2] for b in FACES.values()])
 """Of each face, the three that share an edge with it, of tendons or none: (20, 3)."""
+BEYOND = tuple(tuple({int(far) for near in BESIDE[i] for far in BESIDE[near]} - {i, *map(int, BESIDE[i])}) for i in range(NONE))
+"""Of each face, those beside the ones beside it: a robot that tumbles may pass over one too fast for its being told."""
 
 
 class FilterRules(NamedTuple):
@@ -103,7 +105,9 @@ def box_share(model: Model) -> float:
 def new_state(acceleration: Array) -> Array:
     """Before the second measurement: down as the first acceleration, (3,), has it."""
     state = np.zeros(ROWS)
-    state[DOWN : DOWN + 3] = state[FLOOR : FLOOR + 3] = state[FELT : FELT + 3] = -acceleration / max(1e-9, float(np.linalg.norm(acceleration)))
+    down = -acceleration / max(1e-9, float(np.linalg.norm(acceleration)))
+    for row in (DOWN, FLOOR, FELT):
+        state[row : row + 3] = down
     return state
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from sim_core.sensing import face_filter as f
-from sim_core.sensing.face_filter import BESIDE, NAMES, NONE, FilterRules, Shape
+from sim_core.sensing.face_filter import BESIDE, BEYOND, NAMES, NONE, FilterRules, Shape
 from sim_core.structure.arrays import Array
 
 SURE = 0.99
@@ -21,6 +21,8 @@ LOOK_S = 0.02
 """Between looks at the faces."""
 UNSURE_S = 1.0
 """What is unsure at rest for so long stays so."""
+LEAST_PRIOR = 0.005
+"""Of a face that a roll may lead to by passing over another."""
 LASTS_S = 0.06
 """A robot that tumbles passes by faces; what does not last so long is not said."""
 FROZEN_S = 0.25
@@ -214,8 +216,8 @@ class FaceWatch:
             return self._doubted(why) if settled else None
         if not settled and (self._state[f.SLOPE_KNOWN] == 0.0 or face == self.known):
             return None
-        if self._before not in ("", face) and NAMES.index(face) not in BESIDE[NAMES.index(self._before)]:
-            why = f"it stood on {self._before} and stands on {face}, which is not beside it{_SLIPPED}"
+        if self._before not in ("", face) and _prior(self._before, moved=True)[NAMES.index(face)] < LEAST_PRIOR:
+            why = f"it stood on {self._before} and stands on {face}, which is far from it{_SLIPPED}"
             return self._doubted(why) if settled else None
         if settled:
             f.anchor(self._state, self._shape.normals, NAMES.index(face))
@@ -261,5 +263,6 @@ def _prior(before: str, moved: bool) -> Array:
         own = NAMES.index(before)
         prior[:NONE] = 0.01 / NONE
         prior[BESIDE[own]] += 0.2 if moved else 0.005
-        prior[own] += 0.96 - prior[BESIDE[own]].sum()
+        prior[list(BEYOND[own])] += LEAST_PRIOR if moved else 0.0
+        prior[own] += 0.97 - prior.sum() + prior[NONE]
     return prior
