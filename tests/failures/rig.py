@@ -31,12 +31,14 @@ class Setup:
         time_scale: Robot seconds per second.
         prototype: More words for the virtual prototype.
         rolling: With twin and planner.
+        felt: By an inertial sensor, whose nodes tell the faces; nobody sees it.
     """
 
     board: str = "lsc"
     time_scale: float = 8.0
     prototype: tuple[str, ...] = ("--actuators", "ideal", "--perturbation", "0")
     rolling: bool = False
+    felt: bool = False
 
 
 A_ROLL_S = 6.0
@@ -46,6 +48,9 @@ STRUTS = Setup()
 
 ROLLING = Setup(prototype=("--seed", "3"), rolling=True)
 """The whole stack, on a perturbed robot with actuators that feel their load."""
+
+FELT = Setup(time_scale=4.0, prototype=("--seed", "3", "--imu", "wt901"), rolling=True, felt=True)
+"""The same, as an inertial sensor feels it."""
 
 
 @dataclass
@@ -105,6 +110,10 @@ class Rig:
                 self._nodes["twin"] = self.processes.node("twin")
                 self._nodes["gait_planner"] = self.processes.node("gait_planner", settle_timeout_s=200.0)
             prototype.says("ready")
+            if setup.felt:
+                bridge = {"observer": "none", **bridge}
+                for name in ("imu_driver", "face_estimator"):
+                    self._nodes[name] = self.processes.node(name)
             self.start_bridge(**bridge)
         elif "hardware_bridge" not in self._nodes or dict(bridge) != dict(self._bridge_parameters):
             self.end_bridge()
@@ -181,7 +190,8 @@ class Rig:
 
         operator = self.operator
         wait_until(operator.is_quiet, START_LIMIT_S, "rest on a face")
-        operator.arm()
+        assert self._setup is not None
+        operator.arm(MID if self._setup.felt else ())  # nobody sees the struts
         wait_until(lambda: operator.bridge.duty_left_s > A_ROLL_S, START_LIMIT_S, "motors that have rested after a long hold")
         goal = operator.begin_roll(NEIGHBOURS[operator.observed.face][0])
         expect(goal.accepted, "the roll was not accepted")

@@ -17,7 +17,7 @@ from sim_core.names import STRUT_NAMES
 from tensegrity_interfaces.msg import BridgeState
 from tensegrity_interfaces.srv import Arm
 from tensegrity_lab.stack.processes import wait_until
-from tests.failures.rig import MID, STRUTS, Rig
+from tests.failures.rig import FELT, MID, STRUTS, Rig
 from tests.failures.scenario import Evidence, expect
 
 DAMAGE = 4096
@@ -102,6 +102,33 @@ def damaged_journal(lab: Rig) -> Evidence:
     expect(kept.exists() and not journal.exists(), f"the damaged journal is not kept: {line}")
     evidence.says(line.partition(": ")[2], "mended", "damaged")
     evidence.figures = {"messages acknowledged": acknowledged, "bytes of zeros in the middle": DAMAGE}
+    return evidence
+
+
+def sensor_fails(lab: Rig) -> Evidence:
+    """Row 25."""
+    evidence = Evidence()
+    operator = lab.use(FELT)
+
+    def unknown(after: str, *wanted: str) -> None:
+        seen = lambda: operator.observed.source == "imu" and not operator.observed.face  # noqa: E731
+        operator.wait(seen, f"an unknown face after {after} (now {operator.observed})", 20.0)
+        evidence.says(operator.observed.detail, *wanted)
+
+    for fault, words in (("imu_unplugged", "no measurement came"), ("imu_frozen", "the same figures again and again")):
+        roll = lab.begin_roll()
+        lab.fault(fault)
+        unknown(fault, words, "while the struts moved")
+        lab.fault("clear")
+        result = operator.end(roll, 90.0).result
+        expect(result.success and result.observed_face, f"the face is not told when the sensor is back: {result.reason}")
+        lab.calm()
+    lab.fault("imu_turned", degrees=60.0)
+    unknown("a turn", "say the face when that is mended")
+    operator.set_face(result.observed_face)
+    operator.hears_more(100)
+    expect(operator.observed.source == "operator", f"a sensor that was turned is believed: {operator.observed}")
+    lab.spoil()
     return evidence
 
 

@@ -197,9 +197,17 @@ SCENARIOS: tuple[Scenario, ...] = (
         "Look at the disk.",
         robot_failures.damaged_journal,
     ),
+    Scenario(
+        25,
+        "The inertial sensor in the box is unplugged, freezes, or turns in its mount",
+        "Unplugged or frozen while struts move, the face is unknown, and told again when the sensor is back and the robot rests. "
+        "One that turned is not believed until somebody says the face and it agrees.",
+        "Fix it; after a turn `calibrate imu` again.",
+        robot_failures.sensor_fails,
+    ),
 )
 
-RUNNING_ORDER = (1, 4, 5, 6, 7, 9, 21, 22, 23, 24, 19, 16, 14, 18, 10, 15, 11, 12, 17, 20, 13, 2, 3, 8)
+RUNNING_ORDER = (1, 4, 5, 6, 7, 9, 21, 22, 23, 24, 19, 16, 14, 18, 10, 15, 11, 12, 17, 20, 13, 2, 3, 8, 25)
 """So that as many as can share a stack, and those that kill it come last."""
 
 

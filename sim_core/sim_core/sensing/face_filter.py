@@ -201,6 +201,12 @@ def anchor(state: Array, normals: Array, face: int, part: float = 1.0) -> None:
     state[SLOPE_KNOWN] = 1.0
 
 
+def forget_slope(state: Array) -> None:
+    """The floor's normal is down, as far as anybody knows."""
+    state[FLOOR : FLOOR + 3] = state[DOWN : DOWN + 3]
+    state[SLOPE_KNOWN] = 0.0
+
+
 def residual_rad(state: Array, normals: Array, face: int) -> float:
     """Angle between the face's normal and the floor's, or down, if the slope is not known."""
     row = FLOOR if state[SLOPE_KNOWN] > 0.0 else DOWN

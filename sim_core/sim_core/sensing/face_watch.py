@@ -6,6 +6,7 @@ the one before, and a motion of the struts of which the sensor shows nothing are
 somebody says it, and the sensor agrees.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -15,12 +16,14 @@ from sim_core.sensing import face_filter as f
 from sim_core.sensing.face_filter import BESIDE, BEYOND, NAMES, NONE, FilterRules, Shape
 from sim_core.structure.arrays import Array
 
-SURE = 0.99
-"""What is less likely is not said."""
+SURE, SURE_KNOWN = 0.99, 0.995
+"""What is less likely is not said; where the slope is known, faces that are so unsure are nearly one plane: shapes may be wrong."""
 LOOK_S = 0.02
 """Between looks at the faces."""
 UNSURE_S = 1.0
 """What is unsure at rest for so long stays so."""
+NONE_PRIOR = 0.01
+"""Of resting on no face."""
 LEAST_PRIOR = 0.005
 """Of a face that a roll may lead to by passing over another."""
 LASTS_S = 0.06
@@ -37,8 +40,8 @@ ANCHOR_S, TIPPED_RAD, FIRM_M = 2.0, 0.1, 0.008
 """As long as the robot is on a face, the floor's normal follows that of the face in this time; not once it has tipped so far, nor
 when its centre of mass comes so near to an edge: it may tip slowly."""
 _SLIPPED = ": was it turned by hand, or did the sensor slip in its mount?"
-SHOWS_RAD = 0.004
-"""A motion of the struts turns the box by this much at least, or nothing was moved worth telling."""
+SHOWS_RAD, SHOWS_M = 0.004, 0.004
+"""A motion of the struts, so far at least, turns the box by this much at least."""
 
 
 class Word(NamedTuple):
@@ -75,6 +78,9 @@ class FaceWatch:
     _last: Array = field(default_factory=lambda: np.zeros(6))
     _same_s: float = 0.0
     _driven: bool = False
+    _far: bool = False
+    _lengths_m: Array | None = None
+    _from_m: Array | None = None
     _driven_s: float = 0.0
     _shown_rad: float = 0.0
     _moved: bool = False
@@ -92,13 +98,19 @@ class FaceWatch:
         """The twin's shape now: joints (12, 3), box (3,) and (w, x, y, z)."""
         self._shape = f.shape_of(joints_m, box_m, box_quaternion, self.box_share)
 
-    def struts(self, driven: bool) -> None:
-        """Whether struts are driven now."""
+    def struts(self, lengths_m: Sequence[float] | Array, wrote: bool) -> None:
+        """Rest lengths (6,) as they were sent last; whether that was just now. After that the robot's rest is told again."""
+        lengths = np.array(lengths_m)
+        driven = wrote and self._lengths_m is not None and not np.array_equal(lengths, self._lengths_m)
         if driven and not self._driven:
-            self._moved, self._shown_rad, self._told, self._vouched = True, 0.0, (self.known, False), ""
+            self._moved, self._shown_rad, self._vouched = True, 0.0, ""
+            self._from_m = self._lengths_m
+        if wrote:
+            self._told = (self.known, False)
         if driven:
             self._driven_s = self._time_s
-        self._driven = driven
+            self._far = bool(np.abs(lengths - self._from_m).max() > SHOWS_M)
+        self._driven, self._lengths_m = driven, lengths
 
     def said(self, face: str) -> None:
         """Somebody else says the face (empty: on none, or nobody knows). A doubt ends if the sensor agrees."""
@@ -195,7 +207,8 @@ class FaceWatch:
     def _best(self) -> tuple[str, bool]:
         """The likeliest face, empty: none of them, and whether that is sure."""
         best = int(np.argmax(self._belief))
-        return NAMES[best] if best < NONE else "", bool(self._belief[best] >= SURE)
+        known = self._state is not None and self._state[f.SLOPE_KNOWN] > 0.0
+        return NAMES[best] if best < NONE else "", bool(self._belief[best] >= (SURE_KNOWN if known else SURE))
 
     def _word(self) -> Word | None:
         """What is to be said after a measurement."""
@@ -206,7 +219,8 @@ class FaceWatch:
             self._seen, self._seen_s = (face, sure), self._time_s
         if self.doubt and settled and sure and face == self._vouched:
             self.doubt = ""
-        unmoved = self._moved and self._shown_rad < SHOWS_RAD  # late, or not fixed to the box: what it tells is from before
+        # late, or not fixed to the box: what it tells is from before
+        unmoved = self._moved and self._far and self._shown_rad < SHOWS_RAD
         if self.doubt or unmoved or self._time_s - self._seen_s < LASTS_S - 1e-6:
             return None
         if not sure or not face:
@@ -229,7 +243,10 @@ class FaceWatch:
         return Word(face, settled, f"{100.0 * float(self._belief.max()):.1f} %")
 
     def _unsure(self) -> Word | None:
-        """At rest, and no face fits well enough."""
+        """At rest, and no face fits well enough: perhaps the floor was taken for that of another face."""
+        assert self._state is not None
+        f.forget_slope(self._state)
+        self._before = ""
         if not self.known:
             return None
         known, self.known, self._told = self.known, "", ("", False)
@@ -257,12 +274,12 @@ def _prior(before: str, moved: bool) -> Array:
 
     What rehearsals expect of a gait is none of its business: rates that are compared with these must not be coloured by them.
     """
-    prior = np.full(NONE + 1, 0.97 / NONE)
-    prior[NONE] = 0.03
+    prior = np.full(NONE + 1, (1.0 - NONE_PRIOR) / NONE)
+    prior[NONE] = NONE_PRIOR
     if before:
         own = NAMES.index(before)
         prior[:NONE] = 0.01 / NONE
         prior[BESIDE[own]] += 0.2 if moved else 0.005
         prior[list(BEYOND[own])] += LEAST_PRIOR if moved else 0.0
-        prior[own] += 0.97 - prior.sum() + prior[NONE]
+        prior[own] += 1.0 - prior.sum()
     return prior

@@ -48,11 +48,9 @@ class FeltFaces:
         turn = next((np.array(m.mounting) for m in session.of("face_estimate")), np.array((1.0, 0.0, 0.0, 0.0)))
         rotation = matrix_of(turn)
         due: list[tuple[float, str, Any]] = []
-        before: list[float] = []
-        for at_s, m in zip(robot_s - origin_s, sent, strict=True):
-            lengths = list(m.length_m)
-            due.append((float(at_s), "struts", not m.heartbeat and lengths != before))
-            before = lengths
+        due += [
+            (float(at_s), "struts", (list(m.length_m), not m.heartbeat)) for at_s, m in zip(robot_s - origin_s, sent, strict=True)
+        ]
         for m in session.of("bridge/face"):
             if m.source == IMU:
                 self.then.append((str(m.face), bool(m.settled)))
@@ -71,7 +69,7 @@ class FeltFaces:
         while self._next is not None and self._next[0] <= time_s:
             at_s, kind, told = self._next
             if kind == "struts":
-                watch.struts(told)
+                watch.struts(*told)
             elif kind == "said":
                 watch.said(told)
             elif (word := watch.measured(at_s, *told)) is not None:

@@ -56,7 +56,6 @@ class FaceEstimatorNode(Node):
         self._watch = FaceWatch(box_share(build_model(load_prototype(p.prototype_file or None))))
         self._scale = 1.0
         self._began_ns = self.get_clock().now().nanoseconds
-        self._lengths: tuple[float, ...] = ()
         self._shaped_s = time.monotonic()
         self._looked_s = 0.0
         self._said = ""
@@ -88,7 +87,6 @@ class FaceEstimatorNode(Node):
             self._scale = float(message.time_scale) or 1.0
 
     def _on_other_bridge(self) -> None:
-        self._lengths = ()
         self._watch.begin_anew()
         self._watch.tell_again()
 
@@ -97,9 +95,7 @@ class FaceEstimatorNode(Node):
         self._tell(self._watch.distrust(words))
 
     def _on_sent(self, message: StrutsSent) -> None:
-        lengths = tuple(float(length) for length in message.length_m)
-        self._watch.struts(not message.heartbeat and lengths != self._lengths)
-        self._lengths = lengths
+        self._watch.struts(message.length_m, not message.heartbeat)
 
     def _on_face(self, message: FaceObservation) -> None:
         if message.settled and message.source != FaceObservation.SOURCE_IMU:

@@ -10,7 +10,7 @@ import typer
 from sixstrut_cli import options
 from sixstrut_cli.outputs import announce, import_checkout, output_folder, results_page, say, wrote
 
-ROWS = range(1, 25)
+ROWS = range(1, 26)
 PAGE = "failures.md"
 EXIT_NOT_SURVIVED = 4
 
