@@ -22,6 +22,8 @@ LOOK_S = 0.02
 """Between looks at the faces."""
 UNSURE_S = 1.0
 """What is unsure at rest for so long stays so."""
+LIES_RAD = 0.087
+"""In motion, a robot that is farther from lying on a face (5 degrees) may be balancing on an edge of it."""
 NONE_PRIOR = 0.01
 """Of resting on no face."""
 LEAST_PRIOR = 0.005
@@ -228,7 +230,7 @@ class FaceWatch:
         if self.known and face != self.known and not self._moved:
             why = f"it stood on {self.known} and stands on {face}, though no strut was driven{_SLIPPED}"
             return self._doubted(why) if settled else None
-        if not settled and (self._state[f.SLOPE_KNOWN] == 0.0 or face == self.known):
+        if not settled and (self._state[f.SLOPE_KNOWN] == 0.0 or face == self.known or self.residual_rad > LIES_RAD):
             return None
         if self._before not in ("", face) and _prior(self._before, moved=True)[NAMES.index(face)] < LEAST_PRIOR:
             why = f"it stood on {self._before} and stands on {face}, which is far from it{_SLIPPED}"
