@@ -66,8 +66,8 @@ class SensedRobot:
         self._samples += 1
         if self._samples % LOOKS == 0:
             self.watch.shape(self.twin.joints_m(), self.twin.box_m(), self.twin.quaternions()[-1])
-            if (face := self.robot.face_under()) and face != self.faces[-1][1]:
-                self.faces.append((self.time_s, face))
+        if (face := self.robot.face_under()) and face != self.faces[-1][1]:
+            self.faces.append((self.time_s, face))
         self.watch.struts(self.robot.rest_lengths_m(), self.driven)
         sample = self.spoil((self.time_s, *self.sensor.measure()))
         word = self.watch.measured(*sample) if sample is not None else self.watch.missing(self.time_s)

@@ -124,7 +124,7 @@ def sensor_fails(lab: Rig) -> Evidence:
         expect(result.success and result.observed_face, f"the face is not told when the sensor is back: {result.reason}")
         lab.calm()
     lab.fault("imu_turned", degrees=60.0)
-    unknown("a turn", "say the face when that is mended")
+    unknown("a turn", "Say the face when that is mended")
     operator.set_face(result.observed_face)
     operator.hears_more(100)
     expect(operator.observed.source == "operator", f"a sensor that was turned is believed: {operator.observed}")

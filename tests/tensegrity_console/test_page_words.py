@@ -118,7 +118,8 @@ def test_an_inertial_sensor_says_how_sure_it_is_or_why_it_is_not(page):
     told(page, **said | {"face": ""}, detail="99.5 %")
     assert page.inner_text("#faceSource").startswith("imu 99.5 %, rolling onto TC6")
     told(page, **said | {"face": "", "observed": ""}, detail="no measurement came for 0.5 s, while the struts moved")
-    assert page.inner_text("#faceSource").startswith("imu: no measurement came for 0.5 s")
+    assert page.inner_text("#faceSource").startswith("imu does not know")
+    assert "the face is not known: no measurement came for 0.5 s" in page.inner_text("#troubles")
 
 
 def test_a_stop_is_told_as_long_as_it_is_in_force(page):

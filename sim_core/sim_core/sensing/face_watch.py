@@ -22,8 +22,9 @@ LOOK_S = 0.02
 """Between looks at the faces."""
 UNSURE_S = 1.0
 """What is unsure at rest for so long stays so."""
-LIES_RAD = 0.087
-"""In motion, a robot that is farther from lying on a face (5 degrees) may be balancing on an edge of it."""
+LIES_RAD, TUMBLES_RAD_S = 0.087, 2.0
+"""In motion, a robot that is farther from lying on a face (5 degrees) may be balancing on an edge of it; one that turns faster is
+passing it by."""
 NONE_PRIOR = 0.01
 """Of resting on no face."""
 LEAST_PRIOR = 0.005
@@ -230,7 +231,8 @@ class FaceWatch:
         if self.known and face != self.known and not self._moved:
             why = f"it stood on {self.known} and stands on {face}, though no strut was driven{_SLIPPED}"
             return self._doubted(why) if settled else None
-        if not settled and (self._state[f.SLOPE_KNOWN] == 0.0 or face == self.known or self.residual_rad > LIES_RAD):
+        tumbles = self.residual_rad > LIES_RAD or np.linalg.norm(self._last[:3]) > TUMBLES_RAD_S
+        if not settled and (self._state[f.SLOPE_KNOWN] == 0.0 or face == self.known or tumbles):
             return None
         if self._before not in ("", face) and _prior(self._before, moved=True)[NAMES.index(face)] < LEAST_PRIOR:
             why = f"it stood on {self._before} and stands on {face}, which is far from it{_SLIPPED}"
@@ -257,7 +259,7 @@ class FaceWatch:
         return Word("", False, f"it stood on {known}; {fits}, which is not sure")
 
     def _doubted(self, why: str) -> Word:
-        self.doubt = f"{why}; say the face when that is mended"
+        self.doubt = f"{why.removesuffix('.')}{'' if why.endswith('?') else '.'} Say the face when that is mended"
         self.known, self._told = "", ("", False)
         self.begin_anew()
         return Word("", False, self.doubt)

@@ -108,7 +108,7 @@ def test_a_sensor_that_slips_at_rest_or_in_motion_states_no_wrong_face(model, se
     assert not [word for at, word in robot.words if word.face not in ("", "TC6", face)]
     assert robot.watch.known in ("", face)
     if robot.watch.doubt:
-        assert "say the face" in robot.watch.doubt
+        assert "Say the face" in robot.watch.doubt
 
 
 def test_a_robot_that_is_turned_by_hand_is_on_an_unknown_face_until_somebody_says_it(model):

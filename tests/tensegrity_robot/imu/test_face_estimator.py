@@ -79,7 +79,7 @@ def test_unplugged_in_a_motion_the_face_is_unknown_until_it_is_back(sensed):
 def test_turned_in_its_mount_it_is_not_believed_until_somebody_says_the_face_and_it_agrees(sensed):
     told(sensed, "TC6")
     inject(sensed.link, "imu_turned", degrees=50.0)
-    assert "say the face" in told(sensed, "", settled=False)
+    assert "Say the face" in told(sensed, "", settled=False)
     sensed.set_face("TC6")
     wait_until(lambda: sensed.observed.source == "operator", 10.0, "the person's word")
     assert sensed.estimates[-1].doubt

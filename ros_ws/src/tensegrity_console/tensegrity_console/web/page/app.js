@@ -155,7 +155,7 @@ function whoSaw(now) {
   let seen = `seen by ${now.source}`;
   if (now.source === "imu") {
     const onto = now.face || !now.observed ? "" : `, rolling onto ${now.observed}`;
-    seen = `imu${now.observed ? "" : ":"} ${now.detail}${onto}`;
+    seen = now.observed ? `imu ${now.detail}${onto}` : "imu does not know";
   }
   return `${seen}${now.alive ? "" : " before the bridge fell silent"}${twin}`;
 }
@@ -173,6 +173,7 @@ function troubles(now) {
   const warnings = now.diagnostics.filter(([, level]) => level > 0).map(([name, , words]) => `${name}: ${words}`);
   const list = now.alive ? warnings : ["the hardware bridge is silent: start it, in this ROS domain"];
   if (!now.twin_alive) list.unshift("the twin is silent: what the 3D view shows is old");
+  if (now.alive && now.source === "imu" && !now.observed) list.unshift(`the face is not known: ${now.detail}`);
   if (failed(now)) list.push(`the last ${now.last}`);
   $("troubleCard").hidden = !list.length;
   rows("troubles", list, (words) => make("li", { textContent: inWordsOfThePage(words) }));
