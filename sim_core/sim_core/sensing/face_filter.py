@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Where the floor is, seen from the box, and how well each of the twenty faces fits: the measurement part of a Bayes filter.
 
-Two directions are kept in the box's frame: down, and the floor's normal (into the floor), which is down as long as nobody knows how
-the ground leans. Rates of turn carry both along; accelerations pull them towards gravity where they are about gravity. Each face
-has such a normal too, from the twin's shape at the present strut lengths: on the face that the robot stands on, the two agree.
-Once a face is sure at rest, the floor's normal is that face's, and so the slope is known; after that only the shape's errors count.
+Directions are kept in the box's frame: down, the floor's normal (into the floor), which is down as long as nobody knows how the
+ground leans, and some direction ahead. Rates of turn carry all along; accelerations pull them towards gravity where they are about
+gravity. Each face has such a normal too, from the twin's shape at the present strut lengths: on the face that the robot stands on,
+it agrees with the floor's. Once a face is sure at rest, the floor's normal is that face's, and so the slope is known; after that
+only the shape's errors count.
 
 These errors (of shape, mounting and slope) stay the same as long as the robot rests. So measurements are averaged, and their
 likelihood counts once, not again with every sample.
@@ -27,8 +28,8 @@ NONE = len(NAMES)
 """Index of "on none" among the probabilities."""
 
 # rows of the state
-DOWN, FLOOR, FELT, BIAS, QUIET_S, SLOPE_KNOWN, APART_S = 0, 3, 6, 9, 12, 13, 14
-ROWS = 15
+DOWN, FLOOR, FELT, AHEAD, BIAS, QUIET_S, SLOPE_KNOWN, APART_S, STILL_S = 0, 3, 6, 9, 12, 15, 16, 17, 18
+ROWS = 19
 
 BESIDE = np.array([[i for i, a in enumerate(FACES.values()) if len(set(a) & set(b)) == 2] for b in FACES.values()])
 """Of each face, the three that share an edge with it, of tendons or none: (20, 3)."""
@@ -48,7 +49,7 @@ class FilterRules(NamedTuple):
         loud: accelerations that differ from gravity by more than this part of it do not.
         quiet_rad_s: slower is at rest.
         apart_rad: rates and accelerations that disagree by more about down do not belong together, such as of a sensor that slips.
-        bias_s: time in which the bias of the rates follows, at rest.
+        bias_s: the bias of the rates is their mean at rest, over so much time.
         most_bias_rad_s: of that bias.
     """
 
@@ -60,7 +61,7 @@ class FilterRules(NamedTuple):
     loud: float = 0.1
     quiet_rad_s: float = math.radians(3.0)
     apart_rad: float = 0.2
-    bias_s: float = 2.0
+    bias_s: float = 10.0
     most_bias_rad_s: float = math.radians(2.0)
 
 
@@ -108,6 +109,7 @@ def new_state(acceleration: Array) -> Array:
     down = -acceleration / max(1e-9, float(np.linalg.norm(acceleration)))
     for row in (DOWN, FLOOR, FELT):
         state[row : row + 3] = down
+    state[AHEAD + int(np.argmin(np.abs(down)))] = 1.0
     return state
 
 
@@ -138,7 +140,8 @@ def track(state: Array, dt_s: float, rate_rad_s: Array, acceleration_m_s2: Array
         state[QUIET_S] += dt_s
         if still and state[QUIET_S] > 0.5:
             bias = state[BIAS : BIAS + 3]
-            bias += rate * min(1.0, dt_s / rules.bias_s)
+            state[STILL_S] += dt_s
+            bias += rate * dt_s / min(state[STILL_S], rules.bias_s)
             over = math.sqrt((bias**2).sum()) / rules.most_bias_rad_s
             if over > 1.0:
                 bias /= over
@@ -149,7 +152,7 @@ def track(state: Array, dt_s: float, rate_rad_s: Array, acceleration_m_s2: Array
 @njit(cache=True)
 def _turn(state: Array, axis: Array, angle: float) -> None:
     """All directions, about an axis whose length scales the angle; small angles."""
-    for row in (DOWN, FLOOR, FELT):
+    for row in (DOWN, FLOOR, FELT, AHEAD):
         direction = state[row : row + 3]
         size = math.sqrt((direction**2).sum())
         direction += angle * np.cross(axis, direction)

@@ -14,6 +14,7 @@ import numpy as np
 
 from sim_core.sensing import face_filter as f
 from sim_core.sensing.face_filter import BESIDE, BEYOND, NAMES, NONE, FilterRules, Shape
+from sim_core.sensing.heading import Heading
 from sim_core.structure.arrays import Array
 
 SURE, SURE_KNOWN = 0.99, 0.995
@@ -69,12 +70,14 @@ class FaceWatch:
         box_share: of the box in the robot's mass.
         known: the face that was said last, by this or by others; empty: none.
         doubt: why the sensor is not trusted; empty: it is.
+        heading: beside the twin's.
     """
 
     box_share: float
     rules: FilterRules = field(default_factory=FilterRules)
     known: str = ""
     doubt: str = ""
+    heading: Heading = field(default_factory=Heading)
     _state: Array | None = None
     _shape: Shape | None = None
     _time_s: float = 0.0
@@ -100,6 +103,8 @@ class FaceWatch:
     def shape(self, joints_m: Array, box_m: Array, box_quaternion: Array) -> None:
         """The twin's shape now: joints (12, 3), box (3,) and (w, x, y, z)."""
         self._shape = f.shape_of(joints_m, box_m, box_quaternion, self.box_share)
+        if self._state is not None and self.known:
+            self.heading.compare(self._state, self._last[:3], box_quaternion)
 
     def struts(self, lengths_m: Sequence[float] | Array, wrote: bool) -> None:
         """Rest lengths (6,) as they were sent last; whether that was just now. After that the robot's rest is told again."""
@@ -183,6 +188,7 @@ class FaceWatch:
     def begin_anew(self) -> None:
         """What was measured is of another time. What was said stays known."""
         self._state, self._belief, self._vouched = None, _prior("", moved=True), ""
+        self.heading.begin_anew()
 
     def tell_again(self) -> None:
         """What was said was not heard."""

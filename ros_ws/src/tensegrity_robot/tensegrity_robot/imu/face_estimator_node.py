@@ -148,6 +148,7 @@ class FaceEstimatorNode(Node):
                 moving=watch.moving,
                 residual_rad=watch.residual_rad,
                 face=watch.known,
+                ahead_rad=watch.heading.ahead_rad,
                 mounting=quaternion_of(self._rotation),
                 doubt=watch.doubt,
             )

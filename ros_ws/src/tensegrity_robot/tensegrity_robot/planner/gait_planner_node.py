@@ -607,8 +607,8 @@ ABOUT = About(
     text="holds the bridge's lease and rolls the robot from face to face",
     settings=PlannerParameters,
     gives="rehearsal keep_in bridge/lease roll() arm() disarm() face_graph() rehearse()",
-    takes="bridge/state bridge/struts_sent bridge/face bridge/observed_joints twin/state twin/joints execute_struts() bridge/arm() "
-    "bridge/disarm()",
+    takes="bridge/state bridge/struts_sent bridge/face bridge/observed_joints twin/state twin/joints face_estimate "
+    "execute_struts() bridge/arm() bridge/disarm()",
     example="-p library:=improved",
 )
 

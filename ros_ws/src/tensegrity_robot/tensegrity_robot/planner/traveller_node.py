@@ -118,8 +118,6 @@ class TravellerNode(Node):
         topics.BRIDGE_FACE.subscribe(self, lambda event: live.takes(event, keep("_face")))
         topics.TWIN_STATE.subscribe(self, keep("_twin"))
         self._told_joints = ToldJoints(self)
-        topics.TWIN_JOINTS.subscribe(self, self._told_joints.predict)
-        topics.OBSERVED_JOINTS.subscribe(self, self._told_joints.see)
         topics.KEEP_IN.subscribe(self, self._on_area)
         topics.GOAL_POSE.subscribe(self, self._on_goal_pose)
         self._path = topics.TRAVEL_PATH.publisher(self)
@@ -456,7 +454,8 @@ ABOUT = About(
     text="rolls to a place on the floor, one roll of the planner after another",
     settings=TravellerParameters,
     gives="travel/path travel/goal travel()",
-    takes="bridge/state bridge/face keep_in twin/state twin/joints bridge/observed_joints goal_pose roll() face_graph() travel()",
+    takes="bridge/state bridge/face keep_in twin/state twin/joints face_estimate bridge/observed_joints goal_pose roll() "
+    "face_graph() travel()",
     example="-p reach_m:=0.1",
 )
 
