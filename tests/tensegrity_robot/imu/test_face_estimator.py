@@ -8,6 +8,7 @@ from sensor_msgs.msg import Imu
 
 from hardware_bridge.prototype_client.fault_client import inject
 from hardware_bridge.prototype_client.handshake import imu_path
+from tensegrity_interfaces.msg import StrutsSent
 from tensegrity_lab.stack.processes import wait_until
 from tensegrity_robot.ros import topics
 
@@ -87,17 +88,25 @@ def test_turned_in_its_mount_it_is_not_believed_until_somebody_says_the_face_and
     assert sensed.observed.source == "operator", "the sensor says nothing against it"
 
 
-@pytest.mark.parametrize("kind", ["two", "recorded"])
-def test_a_second_sensor_or_a_recording_makes_the_face_unknown_with_a_warning(sensed, kind):
+@pytest.mark.parametrize("kind", ["two", "recorded", "strange"])
+def test_a_second_sensor_a_recording_or_a_strange_session_makes_the_face_unknown_with_a_warning(sensed, kind):
     told(sensed, "TC6")
-    other = sensed.node.create_publisher(Imu, "imu/data", QoSProfile(depth=10))
+    if kind == "strange":
+        stranger = topics.STRUTS_SENT.publisher(sensed.node)
+        sensed.node.create_timer(0.2, lambda: stranger.publish(StrutsSent(session="another", heartbeat=True)))
+    else:
+        other = sensed.node.create_publisher(Imu, "imu/data", QoSProfile(depth=10))
     if kind == "recorded":
         sensed.driver.signal(2)
         sensed.driver.ends()
         message = sensed.measured[0]
         message.header.stamp.sec -= 100
         sensed.node.create_timer(0.05, lambda: other.publish(message))
-    words = {"two": "2 sensors publish on imu/data: end all but one", "recorded": "a recording is played, or clocks differ"}[kind]
+    words = {
+        "two": "2 sensors publish on imu/data: end all but one",
+        "recorded": "a recording is played, or clocks differ",
+        "strange": "session another is another bridge's, or a recording",
+    }[kind]
     assert words in told(sensed, "", settled=False)
     sensed.estimator.says(words)
 
