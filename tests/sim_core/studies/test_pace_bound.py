@@ -9,8 +9,8 @@ import pytest
 from sim_core.dynamics.model import build_model
 from sim_core.gaits.cycle import turned
 from sim_core.structure.symmetry import CARRIERS
-from sim_core.studies import pace_bound
-from sim_core.studies.pace_bound import pace_bounds
+from tests.studies import pace_bound
+from tests.studies.pace_bound import pace_bounds
 
 STRAIGHT_M = 0.11
 

@@ -11,14 +11,23 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, in_folder, output_folder, picture_path, results_page, writable_folder, wrote
+from sixstrut_cli.outputs import (
+    announce,
+    import_checkout,
+    in_folder,
+    output_folder,
+    picture_path,
+    results_page,
+    writable_folder,
+    wrote,
+)
 
 if TYPE_CHECKING:
     from sim_core.gaits.library import Library
     from sim_core.structure.parameters import Prototype
     from sim_core.studies.attribution import Attribution
     from sim_core.studies.robustness import Study, StudyPlan
-    from tensegrity_lab.reports.study_cost import Figures
+    from tests.studies.study_cost import Figures
 
 QUICK_PROTOTYPES, QUICK_FAILURES, QUICK_PRIMITIVES = 2, 20, 3
 
@@ -87,7 +96,6 @@ def command(
     from sim_core.studies.local_runner import compile_kernels
     from sim_core.studies.robustness import HELD_OUT_SEED, StudyPlan, require_held_out, study
     from sim_core.uncertainty.perturbation_law import Law, groups_of
-    from tensegrity_lab.reports.study_cost import figures_of
     from tensegrity_lab.terminal.forecast import say_forecast
     from tensegrity_lab.terminal.progress import bars
 
@@ -115,7 +123,13 @@ def command(
         found = study(robot, primitives, plan, run, bar("trials"))
         wall_s = perf_counter() - began
         blame = attribute(robot, found, failures, run, bar("what kills")) if failures else None
-    _tell(shelf, found, blame, wall_s, figures_of(robot, found) if cost else None, page_path, tables, odds, picture, as_json)
+    figures = None
+    if cost:
+        import_checkout()
+        from tests.studies.study_cost import figures_of
+
+        figures = figures_of(robot, found)
+    _tell(shelf, found, blame, wall_s, figures, page_path, tables, odds, picture, as_json)
 
 
 def _tell(
@@ -128,22 +142,20 @@ def _tell(
     from tensegrity_lab.reports.markdown import write_into
     from tensegrity_lab.reports.robustness_plot import robustness_picture
     from tensegrity_lab.reports.robustness_report import document_of, head_of, text_of, write_tables
-    from tensegrity_lab.reports.study_cost import document_of as cost_document
-    from tensegrity_lab.reports.study_cost import table_of
 
     if tables is not None:
         write_tables(found, blame, tables)
     if odds is not None:
         in_folder(odds).write_text(success_counts_text(success_counts_of(shelf, found)), encoding="utf-8")
     if figures is not None and page is not None:
-        write_into(page, "cost", table_of(figures))
+        write_into(page, "cost", figures.table)
     if as_json:
         document = document_of(shelf, found, blame, wall_s)
-        typer.echo(json.dumps(document | ({"figures": cost_document(figures)} if figures else {})))
+        typer.echo(json.dumps(document | ({"figures": figures.document} if figures else {})))
     else:
         typer.echo(text_of(shelf, found, blame, wall_s))
         if figures is not None:
-            typer.echo("\n" + table_of(figures))
+            typer.echo("\n" + figures.table)
     drawn = picture and robustness_picture(
         found, blame, picture, head_of(shelf, found).splitlines()[0] + f", s = {found.plan.law.scale:g}"
     )
@@ -159,10 +171,12 @@ def _roll_on(
     from sim_core.errors import LibraryError
     from sim_core.studies.chain_study import chain_study
     from sim_core.studies.dask_runner import runner_of
-    from sim_core.studies.pace_bound import pace_bounds
-    from tensegrity_lab.reports.chain_report import chains_document, chains_text
     from tensegrity_lab.reports.markdown import write_into
     from tensegrity_lab.terminal.progress import bars
+
+    import_checkout()
+    from tests.studies.chain_report import chains_document, chains_text
+    from tests.studies.pace_bound import pace_bounds
 
     if not shelf.cycles:
         raise LibraryError(

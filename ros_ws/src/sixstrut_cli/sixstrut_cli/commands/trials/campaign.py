@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from sixstrut_cli import options
-from sixstrut_cli.outputs import announce, require_folder, results_page, say, wrote
+from sixstrut_cli.outputs import announce, import_checkout, require_folder, results_page, say, wrote
 
 
 def command(
@@ -37,9 +37,11 @@ def command(
     """
     announce(f"libraries {libraries} on {prototypes} virtual prototype(s): some minutes; Ctrl-C keeps what is finished")
     from sim_core.rolling.warm_up import Stage
-    from tensegrity_lab.studies.campaign import CampaignRequest, run
     from tensegrity_lab.terminal.compile_notice import compile_first
     from tensegrity_lab.terminal.progress import bars
+
+    import_checkout()
+    from tests.studies.campaign import CampaignRequest, run
 
     root = Path(os.environ.get("SIXSTRUT_ROOT", "."))
     folder = output or root / "bags" / f"campaign_{time.strftime('%Y%m%d_%H%M%S', time.gmtime())}"

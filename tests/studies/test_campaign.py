@@ -2,6 +2,7 @@
 """A tiny campaign: computed sessions that the other commands read, and the same trials by real processes."""
 
 import re
+from pathlib import Path
 
 import pytest
 
@@ -9,9 +10,9 @@ from sim_core.rolling.batch import roll_many
 from tensegrity_lab.reports.trial_analysis import read_told
 from tensegrity_lab.session_data.ledger import Ledger
 from tensegrity_lab.session_data.ledger_line import Outcome
-from tensegrity_lab.studies.campaign_stack_sample import chosen
 from tensegrity_lab.studies.fit_trials import read_tries
 from tests.sixstrut_cli.test_commands import sixstrut
+from tests.studies.campaign_stack_sample import chosen
 
 SMALL = ("--primitives", "1,21", "--gaits", "reference", "--prototypes", "1", "--perturbation", "0.1")
 
@@ -22,6 +23,7 @@ SMALL = ("--primitives", "1,21", "--gaits", "reference", "--prototypes", "1", "-
 def test_a_tiny_campaign_computes_runs_a_sample_on_the_stack_and_reports(tmp_path, monkeypatch):
     folder, page = tmp_path / "campaign", tmp_path / "docs" / "results" / "campaign.md"
     page.parent.mkdir(parents=True)
+    (tmp_path / "tests").symlink_to(Path(__file__).parents[1])
     monkeypatch.setenv("SIXSTRUT_ROOT", str(tmp_path))
     words = ["campaign", str(folder), *SMALL, "--libraries", "robust,improved,unheard", "--sample", "1", "--page"]
     done = sixstrut(*words, "--time-scale", "8", limit_s=220)
@@ -57,7 +59,7 @@ def test_computed_trials_are_the_solver_s_own_and_a_fit_knows_how_they_began(tmp
     from sim_core.rolling.batch import Job
     from sim_core.structure.parameters import load_prototype
     from sim_core.uncertainty.perturbation_law import perturb
-    from tensegrity_lab.studies.campaign_batch import session_of
+    from tests.studies.campaign_batch import session_of
 
     nominal = build_model(load_prototype())
     session = session_of(tmp_path / "s", nominal, load_library("improved"), "1-3,21", "TC6-TO5,TO5-TC6", 0.3, 5)

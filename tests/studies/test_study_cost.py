@@ -2,7 +2,7 @@
 import pytest
 
 from sim_core.studies.local_runner import Cost
-from tensegrity_lab.reports.study_cost import Figures, table_of
+from tests.studies.study_cost import Figures, table_of
 
 FIGURES = Figures(40, Cost(robot_s=13_000.0, core_s=36.0, build_s=0.36, trials=1000), 960, 40_000, 20_000, 0.002)
 

@@ -39,6 +39,16 @@ class Figures(NamedTuple):
     back_bytes: int
     task_s: float
 
+    @property
+    def table(self) -> str:
+        """Markdown, see `table_of`."""
+        return table_of(self)
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """The measured figures for scripts."""
+        return {**self._asdict(), "cost": self.cost._asdict()}
+
 
 def figures_of(prototype: Prototype, study: Study) -> Figures:
     """Measure what is not in the study: a large study's chunk, and its overhead on a Dask cluster of this machine's cores."""
@@ -105,8 +115,3 @@ def table_of(figures: Figures, prototypes: int = MILLION) -> str:
         rows.append((f"95 % interval of a primitive at 97 %, {count:,} prototypes", f"± {50 * (rate.high - rate.low):.3f} %"))
     where = f"{platform.machine()}, {os.cpu_count()} processors, load average {os.getloadavg()[0]:.1f}"
     return table((f"figure, on {where}", ""), rows)
-
-
-def document_of(figures: Figures) -> dict[str, Any]:
-    """The measured figures for scripts."""
-    return {**figures._asdict(), "cost": figures.cost._asdict()}

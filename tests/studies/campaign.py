@@ -14,8 +14,8 @@ from sim_core.studies.local_runner import Reporter
 from tensegrity_lab.errors import SessionError
 from tensegrity_lab.reports.trial_report import TrialReport, summary_of
 from tensegrity_lab.session_data.folder import SessionFolder
-from tensegrity_lab.studies.campaign_batch import require_new, session_of
-from tensegrity_lab.studies.campaign_stack_sample import Pair, chosen, table_of, through_the_stack
+from tests.studies.campaign_batch import require_new, session_of
+from tests.studies.campaign_stack_sample import Pair, chosen, table_of, through_the_stack
 
 SESSIONS, STACK, REPORT = "sessions", "stack", "report"
 
