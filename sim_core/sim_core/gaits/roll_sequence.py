@@ -304,6 +304,8 @@ class RollSequence:
         link, link_s = self.plan.links[self._link], (view.robot_time_ns - self._link_ns) * 1e-9
         if self.plan.blind:
             return self._next_link(view) if link_s >= link.time_s else None
+        if self.rules.observe and not view.observer:
+            return self.give_up(f"on the way to {link.onto} nobody tells the face any more", missed=False)
         seen = self._teller(view)
         before = self.plan.links[self._link - 1].onto if self._link else self.plan.source
         if seen is not None and seen.robot_time_ns > self._link_ns:

@@ -278,3 +278,15 @@ def test_a_refused_link_brings_the_robot_to_neutral():
     outcome = sequence.look(view(7.0, "TO5"))
     assert isinstance(outcome, RollOutcome)
     assert (outcome.reason, outcome.ended_early) == ("the bridge ended the motion: no duty left", True)
+
+
+def test_a_chain_that_nobody_sees_or_feels_any_more_does_not_go_on_by_prediction():
+    sequence = chain()
+    assert sequence.look(view(2.0, "TC6", rest=False)) is None
+    lost = view(2.5, "TO5", rest=False, observer=False)
+    assert sequence.look(lost) == Move(Phase.RETURN, NEUTRAL, overtakes=True)
+    sequence.moved(view(4.0, "TO5", rest=False))
+    outcome = sequence.look(view(5.0, "TO5"))
+    assert isinstance(outcome, RollOutcome)
+    assert (outcome.reason, outcome.ended_early) == ("on the way to TO5 nobody tells the face any more", True)
+    assert chain(observe=False).look(view(3.0, "TO5", rest=False, observer=False)) is None, "a prediction is enough: it dwells"
