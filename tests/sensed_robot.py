@@ -45,7 +45,9 @@ class SensedRobot:
         self.sensor = InertialSensor(self.robot, self.seed, MOUNTED_RAD)
         self.watch = FaceWatch(box_share(self.nominal))
         self.watch.said(self.face)
+        self.watch.tell_again()  # and the sensor says so, too
         self.faces.append((0.0, self.face))
+        self._measured_s = 0.0
         self._samples, self._per_sample = 0, round(SAMPLE_S * model.steps_per_second)
         self.wait(1.0)
 
@@ -70,7 +72,8 @@ class SensedRobot:
             self.faces.append((self.time_s, face))
         self.watch.struts(self.robot.rest_lengths_m(), self.driven)
         sample = self.spoil((self.time_s, *self.sensor.measure()))
-        word = self.watch.measured(*sample) if sample is not None else self.watch.missing(self.time_s)
+        self._measured_s = self.time_s if sample is not None else self._measured_s
+        word = self.watch.measured(*sample) if sample is not None else self.watch.missing(self.time_s - self._measured_s)
         if word is not None:
             self.words.append((self.time_s, word))
         return word

@@ -35,8 +35,9 @@ class InertialSensor:
         self._step, self._velocity, self._attitude = robot.step, self._box(k.V), self._box(k.Q, 4)
 
     def turn(self, angle_rad: float) -> None:
-        """It slips in its mount, about an axis that is drawn."""
-        self.mounting = self.mounting @ turned_about(unit(self._rng.standard_normal(3)), angle_rad)
+        """It slips in its mount, about a level axis that is drawn: a turn about the vertical shows nowhere."""
+        up = -matrix_of(self._box(k.Q, 4)).T @ self._robot.model.elements.gravity_m_s2
+        self.mounting = turned_about(unit(np.cross(up, self._rng.standard_normal(3))), angle_rad) @ self.mounting
 
     def measure(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Mean rate of turn (rad/s) and acceleration (m/s², up at rest) since the last call, in the sensor's axes, (3,) each."""

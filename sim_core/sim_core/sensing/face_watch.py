@@ -6,6 +6,7 @@ the one before, and a motion of the struts of which the sensor shows nothing are
 somebody says it, and the sensor agrees.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -44,8 +45,8 @@ ANCHOR_S, TIPPED_RAD, FIRM_M = 2.0, 0.1, 0.008
 """As long as the robot is on a face, the floor's normal follows that of the face in this time; not once it has tipped so far, nor
 when its centre of mass comes so near to an edge: it may tip slowly."""
 _SLIPPED = ": was it turned by hand, or did the sensor slip in its mount?"
-SHOWS_RAD, SHOWS_M = 0.004, 0.004
-"""A motion of the struts, so far at least, turns the box by this much at least."""
+SHOWS_PART, SHOWS_RAD, SHOWS_S = 0.1, 0.05, 2.0
+"""Of what the twin's box turns in a motion, if that is so much at least, the sensor shows this part, so long after it at most."""
 
 
 class Word(NamedTuple):
@@ -84,9 +85,11 @@ class FaceWatch:
     _last: Array = field(default_factory=lambda: np.zeros(6))
     _same_s: float = 0.0
     _driven: bool = False
-    _far: bool = False
     _lengths_m: Array | None = None
-    _from_m: Array | None = None
+    _twin: Array = field(default_factory=lambda: np.array((1.0, 0.0, 0.0, 0.0)))
+    _from: Array = field(default_factory=lambda: np.array((1.0, 0.0, 0.0, 0.0)))
+    _expected_rad: float = 0.0
+    _own: bool = False
     _driven_s: float = 0.0
     _shown_rad: float = 0.0
     _moved: bool = False
@@ -103,6 +106,8 @@ class FaceWatch:
     def shape(self, joints_m: Array, box_m: Array, box_quaternion: Array) -> None:
         """The twin's shape now: joints (12, 3), box (3,) and (w, x, y, z)."""
         self._shape = f.shape_of(joints_m, box_m, box_quaternion, self.box_share)
+        self._twin = np.array(box_quaternion)
+        self._expected_rad = max(self._expected_rad, 2.0 * math.acos(min(1.0, abs(float(self._twin @ self._from)))))
         if self._state is not None and self.known:
             self.heading.compare(self._state, self._last[:3], box_quaternion)
 
@@ -112,12 +117,11 @@ class FaceWatch:
         driven = wrote and self._lengths_m is not None and not np.array_equal(lengths, self._lengths_m)
         if driven and not self._driven:
             self._moved, self._shown_rad, self._vouched = True, 0.0, ""
-            self._from_m = self._lengths_m
+            self._from, self._expected_rad = self._twin, 0.0
         if wrote:
             self._told = (self.known, False)
         if driven:
             self._driven_s = self._time_s
-            self._far = bool(np.abs(lengths - self._from_m).max() > SHOWS_M)
         self._driven, self._lengths_m = driven, lengths
 
     def said(self, face: str) -> None:
@@ -133,6 +137,9 @@ class FaceWatch:
     def measured(self, time_s: float, rate_rad_s: Array, acceleration_m_s2: Array) -> Word | None:
         """A measurement in the box's frame, (3,) each; news, if there are any."""
         dt_s = time_s - self._time_s
+        if dt_s < -GAP_S:
+            self._time_s = self._looked_s = self._seen_s = self._driven_s = time_s
+            return self._lost("the clock of its measurements went back")
         if dt_s <= 0.0:
             return None  # told twice, or out of order
         if fault := self._fault(dt_s, np.concatenate((rate_rad_s, acceleration_m_s2))):
@@ -176,10 +183,14 @@ class FaceWatch:
             return f"no measurement came for {dt_s:.1f} s"
         return "the sensor sends the same figures again and again" if self._same_s > FROZEN_S else ""
 
-    def missing(self, time_s: float) -> Word | None:
-        """No measurement until now: news, if that is long."""
-        late_s = time_s - self._time_s
-        return self._lost(f"no measurement came for {late_s:.1f} s") if self._state is not None and late_s > 2.0 * GAP_S else None
+    def missing(self, late_s: float) -> Word | None:
+        """No measurement came for so long: news, if that is long and struts moved meanwhile, or move later."""
+        return self._lost(f"no measurement came for {late_s:.1f} s") if late_s > 2.0 * GAP_S else None
+
+    def unshaped(self) -> Word | None:
+        """The twin is silent: without its shape nothing can be told."""
+        self._shape = None
+        return self._lost("no twin tells the shape")
 
     def distrust(self, why: str) -> Word | None:
         """The measurements may be somebody else's: news, unless that is known already."""
@@ -228,10 +239,10 @@ class FaceWatch:
             self._seen, self._seen_s = (face, sure), self._time_s
         if self.doubt and settled and sure and face == self._vouched:
             self.doubt = ""
-        # late, or not fixed to the box: what it tells is from before
-        unmoved = self._moved and self._far and self._shown_rad < SHOWS_RAD
-        if self.doubt or unmoved or self._time_s - self._seen_s < LASTS_S - 1e-6:
-            return None
+        hides = self._moved and self._expected_rad > SHOWS_RAD and self._shown_rad < SHOWS_PART * self._expected_rad
+        if self.doubt or hides or self._time_s - self._seen_s < LASTS_S - 1e-6:
+            stays = hides and not self.doubt and settled and self._time_s - self._driven_s > SHOWS_S
+            return self._doubted("the struts moved, and the sensor shows nothing of it: is it fixed to the box?") if stays else None
         if not sure or not face:
             return self._unsure() if settled and self._time_s - self._seen_s > UNSURE_S else None
         if self.known and face != self.known and not self._moved:
@@ -249,7 +260,7 @@ class FaceWatch:
         if (face, settled) == self._told:
             return None
         self.known = self._before = face
-        self._told = face, settled
+        self._told, self._own = (face, settled), True
         return Word(face, settled, f"{100.0 * float(self._belief.max()):.1f} %")
 
     def _unsure(self) -> Word | None:
@@ -273,9 +284,9 @@ class FaceWatch:
     def _lost(self, why: str) -> Word | None:
         """Measurements cannot be used: it begins anew. What was known stays known, unless struts move."""
         self.begin_anew()
-        if not (self._moved and self.known):
+        if not (self._moved and self.known and self._own):  # it has told nothing that others could rely on
             return None
-        self.known, self._told = "", ("", False)
+        self.known, self._told, self._own = "", ("", False), False
         return Word("", False, f"{why}, while the struts moved")
 
 

@@ -50,12 +50,14 @@ class LiveBridge:
         warn: Callable[[str], None],
         adopted: Callable[[], None] = lambda: None,
         steady_s: Callable[[], float] = time.monotonic,
+        strange: Callable[[str], None] = lambda words: None,
     ):
-        """Args: warn: told once of strangers. adopted: called when another session is the live one from now on."""
+        """Args: warn: told once of strangers; strange: each time. adopted: called when another session is the live one."""
         self.session: str | None = None
         self._warn = warn
         self._adopted = adopted
         self._steady_s = steady_s
+        self._on_strange = strange
         self._heard_s = -float("inf")
         self._waiting: dict[type, deque[tuple[Any, Callable[[Any], None]]]] = {}  # by kind: heartbeats must not push out a face
         self._strange: dict[str, float] = {}
@@ -102,6 +104,7 @@ class LiveBridge:
             del self._strange[next(iter(self._strange))]
 
     def _tell(self, words: str) -> None:
+        self._on_strange(words)
         if not self._warned:
             self._warned = True
             self._warn(words)

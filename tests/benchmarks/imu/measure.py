@@ -84,7 +84,7 @@ def told_of(case: Case) -> Told:
         told.undecided += not settled
         if robot.watch.known != (robot.robot.footing().face or ""):
             robot.watch.said(robot.robot.footing().face or "")
-    told.wrong, told.late_s = _judged(robot)
+    told.wrong, told.late_s = words_and_faces(robot)
     return told
 
 
@@ -103,7 +103,7 @@ def _chain(robot: SensedRobot, shelf: Library, face: str, rng: np.random.Generat
     return made
 
 
-def _judged(robot: SensedRobot) -> tuple[int, list[float]]:
+def words_and_faces(robot: SensedRobot) -> tuple[int, list[float]]:
     """Words that were wrong; how late each face that the robot stood on long enough was told (infinite: never)."""
     ends = [at for at, _ in robot.faces[1:]] + [np.inf]
     stays = [(face, start, end) for (start, face), end in zip(robot.faces, ends, strict=True)]

@@ -66,7 +66,7 @@ def test_a_sensor_at_rest_is_felt_and_one_that_turns_or_says_nothing_is_not(line
     with pytest.raises(ParameterError, match="calibrate the sensor itself"):
         felt_up(sensor, 0.5)
     line.up, line.rate = line.up / 0.8, np.array([0.0, 0.5, 0.0])
-    turner = threading.Timer(0.25, lambda: setattr(line, "rate", np.zeros(3)))
+    turner = threading.Timer(0.55, lambda: setattr(line, "rate", np.zeros(3)))
     turner.start()
     with pytest.raises(ParameterError, match="let it rest"):
         felt_up(sensor, 0.5)

@@ -47,6 +47,10 @@ WRONG = [
     ({"imu": "mpu6050"}, "imu:=mpu6050: valid are wt901, topic, or nothing"),
     ({"mounting": "mine.yaml"}, "imu_port and mounting are of an inertial sensor: give imu:=wt901"),
     ({"imu": "wt901", "imu_port": "/dev/null"}, "the virtual prototype has its own"),
+    (
+        {"virtual": "false", "port": "/dev/null", "imu": "wt901", "imu_port": "/dev/null"},
+        "imu_port:=/dev/null is the board's port: give each its own",
+    ),
     ({"virtual": "false", "port": "/dev/null", "imu": "wt901"}, "imu:=wt901 needs the sensor's port"),
     ({"imu": "topic", "mounting": "/nowhere.yaml"}, "cannot read mounting /nowhere.yaml"),
     ({"rviz": "yes"}, "rviz:=yes: valid is true or false"),

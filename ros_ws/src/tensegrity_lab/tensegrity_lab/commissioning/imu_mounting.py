@@ -30,6 +30,7 @@ FACES = ("TC6", "TO5", "TC3", "TO9", "TC2", "TO12")
 """That are felt: they look into directions that are far apart."""
 FELT_S, LEAST = 2.0, 50
 """Wall time for which each is felt, and the least measurements in it."""
+STALE_S = 0.3
 SHAKEN_RAD_S, WRONG = math.radians(5.0), 0.1
 """More turning is no rest; gravity that is off by this part of it is none."""
 VIRTUAL_TIME_SCALE = 4.0
@@ -37,7 +38,9 @@ VIRTUAL_TIME_SCALE = 4.0
 
 def felt_up(port: SensorPort, seconds: float = FELT_S) -> Array:
     """Mean acceleration of a sensor at rest, upward, (3,), in m/s^2. Raises ParameterError: not at rest, or it says too little."""
-    port.read(0.0)
+    until = time.monotonic() + STALE_S
+    while time.monotonic() < until:
+        port.read(0.05)  # what waited in the port is of before
     end, heard = time.monotonic() + seconds, []
     while time.monotonic() < end:
         heard += [measurement for _, measurement in port.read(0.1)]

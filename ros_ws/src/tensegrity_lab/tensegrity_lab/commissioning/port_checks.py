@@ -23,7 +23,7 @@ from tensegrity_lab.commissioning.imu_mounting import felt_up
 
 ANSWER_LIMIT_S = 1.0
 SENSOR_S = 1.0
-OURS = ("lib/tensegrity_robot/hardware_bridge", "lib/tensegrity_robot/imu_driver")
+BRIDGE, DRIVER = "lib/tensegrity_robot/hardware_bridge", "lib/tensegrity_robot/imu_driver"
 BLUETOOTHCTL_LIMIT_S = 5.0
 
 
@@ -42,7 +42,7 @@ def check_port(port: str, baud: int, board: Board) -> Iterator[Finding]:
     try:
         transport.open()
     except PortBusy as error:
-        yield _busy(port, error)
+        yield _busy(port, error, BRIDGE)
         return
     except BridgeError as error:
         yield Finding("link", Health.MEND, str(error), "see the remedy in that line")
@@ -67,7 +67,7 @@ def check_sensor(port: str) -> Iterator[Finding]:
             up = felt_up(sensor, SENSOR_S)
             rate_hz, bad = sensor.measurements / SENSOR_S, sensor.bad_bytes
     except PortBusy as error:
-        yield _busy(port, error)
+        yield _busy(port, error, DRIVER)
     except BridgeError as error:
         yield Finding("sensor", Health.MEND, str(error), "see the remedy in that line")
     except ParameterError as error:
@@ -130,11 +130,11 @@ def _check_allowed(port: str, what: str = "permissions") -> Finding:
     return Finding(what, Health.MEND, f"{port} may not be opened by this user", mend)
 
 
-def _busy(port: str, error: PortBusy) -> Finding:
-    """A bridge of ours that holds the port is as it should be."""
+def _busy(port: str, error: PortBusy, ours: str) -> Finding:
+    """A process of ours that holds its own port is as it should be."""
     for pid, name in _holders(port):
-        if any(word.endswith(OURS) for word in name.split()):
-            return Finding("link", Health.FINE, f"the stack has it (process {pid}); its health is on /diagnostics")
+        if any(word.endswith(ours) for word in name.split()):
+            return Finding("link", Health.FINE, f"{Path(ours).name} has it (process {pid}); its health is on /diagnostics")
         return Finding("link", Health.MEND, f"{port} is held by process {pid}, {name}", f"end that program: kill {pid}")
     return Finding("link", Health.MEND, str(error), f"see who holds it: fuser {port}")
 

@@ -20,6 +20,8 @@ LONGEST_RUN_S = 6.0
 """Robot time that a strut runs in a roll, at most: 45 mm there and back."""
 MISSES = 2
 """Rolls that may fail on the way to a face before the prototype is put there."""
+UNDECIDED = "nobody said within"
+"""As a roll's reason begins whose face nobody knows, see `RollSequence`."""
 VOID_REASONS = {
     "1": "touched or misplaced",
     "2": "a rope or joint came off",
@@ -143,14 +145,18 @@ class Person:
         while True:
             try:
                 lab.arm(at_mid_stroke)
-                if lab.watched:
-                    lab.wait_for_rest()
-                return
+                break
             except StackError as error:
                 self._panel.show(trouble=str(error))
                 key = self.ask("It was not armed.", {ENTER: "try again", "m": "I see all struts at mid stroke: arm"})
                 at_mid_stroke = key == "m"
                 self._panel.show(trouble="")
+        self._armed(lab)
+
+    def _armed(self, lab: RobotAccess) -> None:
+        """What comes between arming and the first roll. Raises StackError."""
+        if lab.watched:
+            lab.wait_for_rest()
 
     def place(self, lab: RobotAccess, due: Sequence[Slot], watch: Callable[[], None]) -> None:
         """Have the robot where something is due. Raises StackError, SessionError."""
@@ -170,6 +176,9 @@ class Person:
         if reason:
             self._panel.show(trouble=reason)
             return Verdict(Outcome.VOID, reason, self._where(lab, slot))
+        return self._asked(lab, slot)
+
+    def _asked(self, lab: RobotAccess, slot: Slot) -> Verdict:
         self._panel.show(phase="over", stands=lab.face)
         key = self.ask(
             f"Does it stand on {slot.target}, and did it after actuation?", {"y": "yes: success", "n": "no: failure", "v": "void"}
@@ -215,6 +224,10 @@ class Feeler(Person):
         super().__init__(keys, panel, owns_prototype)
         self._graph = graph
 
+    def _armed(self, lab: RobotAccess) -> None:
+        """It was lifted: a person puts it down, and says where, before anything rolls. See `place`."""
+        lab.lifted = True
+
     def place(self, lab: RobotAccess, due: Sequence[Slot], watch: Callable[[], None]) -> None:
         """Have the robot where something is due. Raises StackError, SessionError."""
         if not _rolled_there(lab, due, self._graph, self._panel.line, watch):
@@ -222,6 +235,8 @@ class Feeler(Person):
 
     def judge(self, lab: RobotAccess, slot: Slot, rolled: Rolled) -> Verdict:
         """How a roll ended; a person is asked where the sensor does not know."""
+        if rolled.reason.startswith(UNDECIDED):
+            return self._asked(lab, slot)
         if void_of(rolled) or not lab.watched:
             return super().judge(lab, slot, rolled)
         return _told(lab, rolled, self._panel.line)

@@ -32,6 +32,8 @@ LINK_LIMIT_S = 15.0
 """And each roll of a chain, beside that."""
 CALM_LIMIT_S = 60.0
 """Robot time within which the robot is seen at rest."""
+SENSOR_LIMIT_S = 10.0
+"""Robot time after which a sensor that does not know the face is not waited for."""
 SILENT_S = 3.0
 
 
@@ -93,6 +95,8 @@ class RobotAccess:
         self.starts = 0
         self._truth: str | None = None
         self.agreed = self.compared = 0
+        self.lifted = False
+        """A person has it in their hands: what was told of its face is not so any more."""
 
     # ---- life -------------------------------------------------------------------------------------------------------
 
@@ -124,12 +128,13 @@ class RobotAccess:
         seat: dict[str, Any] = {"mounting": Path(hardware.mounting).resolve()} if hardware.mounting else {}
         stack.node("twin", start_face=face, **seat)
         confirm = "observed" if hardware.observed else "predicted"  # a person judges in their own time, after the roll
-        stack.node("gait_planner", library=library, confirm=confirm, prototype=prototype)
+        waits: dict[str, Any] = {"confirm_timeout_s": SENSOR_LIMIT_S} if hardware.mounting else {}
+        stack.node("gait_planner", library=library, confirm=confirm, prototype=prototype, **waits)
         stack.node("hardware_bridge", **{name: value for name, value in bridge.items() if value not in ("", 0)})
         from tensegrity_lab.stack.client import StackClient  # rclpy: only once the processes are on their way
 
         self.operator = StackClient(stack, prototype)
-        self.operator.wait_for_stack(hardware.observed)
+        self.operator.wait_for_stack(hardware.observed and meant is not None)  # a real sensor may not know the face yet
         if self.operator.bridge.virtual_port != settings.virtual_robot:
             kind = "a virtual prototype's" if self.operator.bridge.virtual_port else "a real one"
             raise SessionError(f"port {port} is {kind}, but session {settings.name} is not: begin another session for it")
@@ -194,6 +199,7 @@ class RobotAccess:
 
     def say_face(self, face: str) -> None:
         """A person sees the robot on this face; empty: on none. Raises StackError."""
+        self.lifted = False
         self.operator.set_face(face)
         told = lambda: self.operator.observed is not None and self.operator.observed.face == face  # noqa: E731
         self.operator.wait(told, "the bridge's word of the face", 10.0)
@@ -212,7 +218,7 @@ class RobotAccess:
     @property
     def face(self) -> str:
         """The face that the robot was last seen on; empty: on none, or nobody looked."""
-        seen = self.operator.observed
+        seen = None if self.lifted else self.operator.observed
         return str(seen.face) if seen is not None and seen.settled else ""
 
     @property

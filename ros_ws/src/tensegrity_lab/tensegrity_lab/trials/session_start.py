@@ -140,6 +140,8 @@ def _open(asked: TrialRequest, path: Path) -> SessionFolder:
     settings = folder.settings
     if "library" in given:
         require_same(settings, {"library_hash": load_library(given.pop("library")).hash})
+    if not settings.judge:  # the session is older than that
+        given.pop("judge", None)
     require_same(settings, given)
     asked = _as_begun(asked, folder)
     if not asked.plan_only:
@@ -153,7 +155,7 @@ def _open(asked: TrialRequest, path: Path) -> SessionFolder:
 
 def _as_begun(asked: TrialRequest, folder: SessionFolder) -> TrialRequest:
     """Judged as the session was from its beginning."""
-    return replace(asked, judge=folder.settings.judge)
+    return replace(asked, judge=folder.settings.judge or asked.judge)
 
 
 def _require_judge(asked: TrialRequest, has_chains: bool) -> None:

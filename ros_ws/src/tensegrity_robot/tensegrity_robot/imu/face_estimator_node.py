@@ -34,6 +34,10 @@ from tensegrity_robot.ros.node_process import STEADY, EndProcess, run
 PERIOD_S = 0.1
 TWIN_LIMIT_S = 5.0
 """A twin that is not heard for so long, wall time, is missed."""
+MISSED_S, MOST_SILENT_TICKS = 0.5, 3
+"""A sensor that is not heard for so long, wall time, is missed."""
+ANSWER_LIMIT_S = 5.0
+"""Wall time after which a bridge that does not answer is asked again."""
 OTHERS_PERIOD_S = 1.0
 """Between looks for other sensors."""
 
@@ -57,11 +61,14 @@ class FaceEstimatorNode(Node):
         self._scale = 1.0
         self._began_ns = self.get_clock().now().nanoseconds
         self._shaped_s = time.monotonic()
-        self._looked_s = 0.0
-        self._said = ""
+        self._looked_s = self._heard_s = self._asked_s = 0.0
+        self._silent_ticks = 0
+        self._pending: Word | None = None
+        self._asked: Word | None = None
+        self._spoke = False
         self._several = 0
         self._newest = Header()
-        self._live = LiveBridge(self._on_stranger, self._on_other_bridge)
+        self._live = LiveBridge(self.get_logger().warning, self._on_other_bridge, strange=self._on_stranger)
         self._estimates = topics.FACE_ESTIMATE.publisher(self)
         self._set_face = self.create_client(SetFace, "set_face")
         live = self._live.takes
@@ -91,14 +98,16 @@ class FaceEstimatorNode(Node):
         self._watch.tell_again()
 
     def _on_stranger(self, words: str) -> None:
-        self.get_logger().warning(words)
         self._tell(self._watch.distrust(words))
 
     def _on_sent(self, message: StrutsSent) -> None:
         self._watch.struts(message.length_m, not message.heartbeat)
 
     def _on_face(self, message: FaceObservation) -> None:
-        if message.settled and message.source != FaceObservation.SOURCE_IMU:
+        if message.source == FaceObservation.SOURCE_IMU:
+            if not self._spoke:  # an estimator before this one knew better than who spoke before it
+                self._watch.said("")
+        elif message.settled:
             self._watch.said(message.face)
 
     def _on_joints(self, message: PoseArray) -> None:
@@ -120,7 +129,7 @@ class FaceEstimatorNode(Node):
             return
         if self._several > 1:
             return
-        self._newest = message.header
+        self._newest, self._heard_s, self._silent_ticks = message.header, time.monotonic(), 0
         rate, acceleration = (self._rotation @ _vector(told) for told in (message.angular_velocity, message.linear_acceleration))
         self._tell(self._watch.measured(self._robot_s(conversions.nanoseconds(stamp)), rate, acceleration))
 
@@ -139,7 +148,11 @@ class FaceEstimatorNode(Node):
                 self._tell(self._watch.distrust(f"{self._several} sensors publish on {topics.IMU_DATA.name}: end all but one"))
         if self._live.session and now_s - self._shaped_s > TWIN_LIMIT_S:
             self.get_logger().warning("no twin tells its joints: start it, faces cannot be told else", throttle_duration_sec=60.0)
-        self._tell(self._watch.missing(self._robot_s(self.get_clock().now().nanoseconds)))
+            self._tell(self._watch.unshaped())
+        self._silent_ticks += 1  # this process may have been late itself: what waits is heard before the next tick
+        if self._silent_ticks > MOST_SILENT_TICKS and now_s - self._heard_s > MISSED_S:
+            self._tell(self._watch.missing((now_s - self._heard_s) * self._scale))
+        self._send()
         watch = self._watch
         self._estimates.publish(
             FaceEstimate(
@@ -157,21 +170,29 @@ class FaceEstimatorNode(Node):
     def _tell(self, word: Word | None) -> None:
         if word is None:
             return
-        if not self._set_face.service_is_ready():
-            self._watch.tell_again()
-            return
-        said = f"{word.face or 'unknown'}{'' if word.settled else ', moving'}: {word.detail}"
-        if not word.face and said != self._said:
+        if not word.face:
             self.get_logger().warning(f"the face is not known: {word.detail}")
-        self._said = said
+        self._pending = word
+        self._send()
+
+    def _send(self) -> None:
+        """The newest word to the bridge, until it takes it."""
+        word = self._pending
+        waits = self._asked is not None and time.monotonic() - self._asked_s < ANSWER_LIMIT_S
+        if word is None or waits or not self._set_face.service_is_ready():
+            return
+        self._asked, self._asked_s, self._spoke = word, time.monotonic(), True
         request = SetFace.Request(face=word.face, source=FaceObservation.SOURCE_IMU, moving=not word.settled, detail=word.detail)
         self._set_face.call_async(request).add_done_callback(self._on_answer)
 
     def _on_answer(self, future: Future) -> None:
-        answer = future.result()
+        answer, asked, self._asked = future.result(), self._asked, None
         if not answer.success:
             self.get_logger().warning(f"the bridge does not take the face: {answer.message}", throttle_duration_sec=10.0)
-            self._watch.tell_again()
+        elif self._pending is asked:
+            self._pending = None
+        else:
+            self._send()
 
 
 def _vector(told: Vector3) -> Array:

@@ -59,9 +59,8 @@ class ChainArea:
             return None
         joints = self._joints.newest(view.observer)
         if joints is None or self._area.outside_m(joints) > 0.0:
-            return sequence.give_up(
-                f"ended on the way to {coming[0]}: the robot came out of the keep-in area (keep_in)", missed=False
-            )
+            why = "nobody tells where the robot is" if joints is None else "the robot came out of the keep-in area (keep_in)"
+            return sequence.give_up(f"ended on the way to {coming[0]}: {why}", missed=False)
         known = view.observed if view.observer else view.predicted
         if known is not None and known.face == coming[0] and coming[0].startswith("TC"):
             stance, on = self._floor.stance(coming[0], joints), coming[1:3]

@@ -153,7 +153,7 @@ class GaitPlannerNode(Node):
         self._twin: TwinState | None = None
         self._twin_newest: TwinState | None = None
         self._observed: FaceObservation | None = None
-        self._observer = False
+        self._seen = self._felt = False
         self._blind_ns: int | None = None  # robot time of a chain that nobody saw: what was known before is not known since
         self._events = EventTimes()
         self._live = LiveBridge(self.get_logger().warning, self._forget_times)
@@ -219,8 +219,10 @@ class GaitPlannerNode(Node):
     def _on_face(self, message: FaceObservation) -> None:
         self._observed = message
         self._events.add(message.seq, message.robot_time_ns)
-        if message.source != FaceObservation.SOURCE_OPERATOR:  # an inertial sensor that does not know the face is none
-            self._observer = bool(message.face) or message.source != FaceObservation.SOURCE_IMU
+        if message.source == FaceObservation.SOURCE_IMU:  # one that does not know the face is no observer
+            self._felt = bool(message.face)
+        elif message.source != FaceObservation.SOURCE_OPERATOR:
+            self._seen = True
         if self._rehearser is not None and self._roll is None and message.settled and message.face:  # not beside a motion
             self._rehearser.prepare(message.face)
         self._look()
@@ -246,6 +248,11 @@ class GaitPlannerNode(Node):
             observed=Seen(seen.face or None, seen.settled, seen.robot_time_ns, seen.source) if seen else None,
             observer=self._observer,
         )
+
+    @property
+    def _observer(self) -> bool:
+        """Something, not a person, tells the face all the time."""
+        return self._seen or self._felt
 
     def face_at_rest(self) -> str:
         """Where the robot stands, for a rehearsal. Raises RollRefused: nobody knows, or a roll is running."""

@@ -9,7 +9,7 @@ from geometry_msgs.msg import PoseArray
 from rclpy.node import Node
 
 from sim_core.structure.arrays import Array
-from sim_core.twin.live_bridge import is_fresh
+from sim_core.twin.live_bridge import FRESH_S, is_fresh
 from tensegrity_interfaces.msg import FaceEstimate
 from tensegrity_robot.ros import topics
 
@@ -28,9 +28,10 @@ class ToldJoints:
         topics.FACE_ESTIMATE.subscribe(node, self.feel)
 
     def newest(self, watched: bool, since: float = 0.0) -> Array | None:
-        """The twelve joints, (12, 3): if `watched` as seen, else predicted; told after `since` (time.monotonic)."""
-        told = (self._seen if watched else None) or self._predicted
-        return told[1] if told is not None and told[0] >= since else None
+        """The twelve joints, (12, 3): if `watched` as seen, else predicted; told after `since` (time.monotonic), and lately."""
+        lately = time.monotonic() - FRESH_S
+        told = (self._seen if watched and self._seen is not None and self._seen[0] > lately else None) or self._predicted
+        return told[1] if told is not None and told[0] > lately and told[0] >= since else None
 
     def see(self, message: PoseArray) -> None:
         """Somebody saw them."""

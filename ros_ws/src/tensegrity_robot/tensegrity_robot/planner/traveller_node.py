@@ -107,7 +107,7 @@ class TravellerNode(Node):
         self._face: FaceObservation | None = None
         self._twin: TwinState | None = None
         self._area: KeepIn | None = None
-        self._area_told = False
+        self._area_told = self._felt_once = False
         self._travel: _Travel | None = None
         self._next: PoseStamped | None = None
         self._waiting: list[tuple[Callable[[], object], float, Future]] = []
@@ -115,7 +115,7 @@ class TravellerNode(Node):
         self._live = live = LiveBridge(self.get_logger().warning)
         keep = partial(partial, setattr, self)
         topics.BRIDGE_STATE.subscribe(self, self._on_bridge_state)
-        topics.BRIDGE_FACE.subscribe(self, lambda event: live.takes(event, keep("_face")))
+        topics.BRIDGE_FACE.subscribe(self, lambda event: live.takes(event, self._on_face))
         topics.TWIN_STATE.subscribe(self, keep("_twin"))
         self._told_joints = ToldJoints(self)
         topics.KEEP_IN.subscribe(self, self._on_area)
@@ -151,6 +151,10 @@ class TravellerNode(Node):
     def _on_bridge_state(self, message: BridgeState) -> None:
         if self._live.hears(message, self.get_clock().now().nanoseconds):
             self._bridge = message
+
+    def _on_face(self, message: FaceObservation) -> None:
+        self._face = message
+        self._felt_once = self._felt_once or self._felt
 
     def _on_area(self, message: PolygonStamped) -> None:
         corners = np.array([(point.x, point.y) for point in message.polygon.points])
@@ -201,14 +205,20 @@ class TravellerNode(Node):
             return f"the goal is in frame {goal.header.frame_id!r}: valid is {frame!r}"
         if not (math.isfinite(goal.pose.position.x) and math.isfinite(goal.pose.position.y)):
             return "the goal is no place: x and y must be numbers"
-        real = self._bridge is not None and self._bridge.port and not self._bridge.virtual_port
-        if real and self._felt and self._area_told and self._area is None:
-            return "nobody sees the robot, a sensor feels its face: set an area that it stays in first (keep_in of the planner)"
+        if why := self._unguarded():
+            return why
         place = np.array([(goal.pose.position.x, goal.pose.position.y)])
         if self._area is not None and self._area.outside_m(place) > 0.0:
             corners = ", ".join(f"{x:g} {y:g}" for x, y in self._area.corners_m)
             return f"the goal {place[0, 0]:g}, {place[0, 1]:g} m is outside of the keep-in area, {corners} (keep_in of the planner)"
         return ""
+
+    def _unguarded(self) -> str:
+        """Why a real robot that nobody needs to watch may not travel; empty: it may."""
+        real = self._bridge is not None and self._bridge.port and not self._bridge.virtual_port
+        if not (real and self._felt_once and self._area_told and self._area is None):
+            return ""
+        return "nobody sees the robot, a sensor feels its face: set an area that it stays in first (keep_in of the planner)"
 
     def _staleness(self, goal: PoseStamped) -> str:
         """Why a goal of a topic was not meant for now; empty: it was. Recordings are played, and must move nothing."""
@@ -300,6 +310,8 @@ class TravellerNode(Node):
             found = travel.journey.look(stance, self._settings.longest_chain if self._watched else 0)
             if isinstance(found, JourneyEnd):
                 return found
+            if why := self._unguarded():
+                raise _Ended(why)
             travel.step = found
             self._show(travel.handle.request.goal, found)
             await self._rested(travel, found)

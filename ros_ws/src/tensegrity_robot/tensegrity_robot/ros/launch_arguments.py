@@ -118,6 +118,8 @@ def _require_sensor(given: Mapping[str, str], virtual: bool) -> None:
         raise StartError(
             f"imu_port:={port}: {'another driver has the port' if imu == TOPIC else 'the virtual prototype has its own'}"
         )
+    if port and port == given["port"]:
+        raise StartError(f"imu_port:={port} is the board's port: give each its own")
     if imu == WT901 and not (virtual or port):
         raise StartError("imu:=wt901 needs the sensor's port, such as imu_port:=/dev/ttyUSB1")
     try:
