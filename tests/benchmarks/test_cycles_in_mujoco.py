@@ -8,8 +8,8 @@ import pytest
 from sim_core.gaits.cycle import Cycle
 from sim_core.gaits.library import Library
 from sim_core.rolling.course import CourseResult
-from sim_core.studies.chain_study import RANDOM
 from tests.benchmarks.solver.cycles_in_mujoco import Compared, compared_document, compared_text, went
+from tests.studies.chain_study import RANDOM
 
 
 def result(reached, ended="TC1", pace=0.02):

@@ -6,10 +6,10 @@ from typing import Any
 
 from sim_core.gaits.cycle import TURNS
 from sim_core.gaits.library import Library
-from sim_core.studies.chain_study import BLIND_ROLLS, LONG, ROLLS, STOP_AND_GO, Chains
 from sim_core.uncertainty.perturbation_law import Law
 from tensegrity_lab.reports.markdown import table
 from tensegrity_lab.reports.robustness_report import VIRTUAL, rate_document
+from tests.studies.chain_study import BLIND_ROLLS, LONG, ROLLS, STOP_AND_GO, Chains
 from tests.studies.pace_bound import PaceBound
 
 NOTES = (

@@ -15,12 +15,12 @@ from sim_core.rolling.course import Course, CourseResult, stages_of_chain
 from sim_core.structure.parameters import Prototype
 from sim_core.structure.symmetry import REFERENCE_TC
 from sim_core.studies.binomial_intervals import Rate, rate_of
-from sim_core.studies.chain_study import RANDOM, ROLLS, chain_faces
 from sim_core.studies.local_runner import Draw
 from sim_core.studies.robustness import HELD_OUT_SEED, require_held_out
 from sim_core.uncertainty.perturbation_law import Law, sample
 from tensegrity_lab.reports.markdown import table
 from tests.benchmarks.solver.mujoco_engine import MuJoCo, judged
+from tests.studies.chain_study import RANDOM, ROLLS, chain_faces
 
 STEP_S = 2e-3
 LAW = Law(0.1)

@@ -10,9 +10,9 @@ import pytest
 from sim_core.dynamics.actuators import load_actuators
 from sim_core.gaits.cycle import TURNS, Cycle, CycleStage
 from sim_core.gaits.library import load_library
-from sim_core.studies import chain_study as c
 from sim_core.studies.local_runner import Cost, Trials
 from sim_core.uncertainty.perturbation_law import Law
+from tests.studies import chain_study as c
 
 PAIR = Cycle("C1", (CycleStage((7, 44, -19, -17, -45, -45), 0.0, 4.6), CycleStage((-24, -21, -30, -41, 45, 15), 0.0, 4.8)))
 

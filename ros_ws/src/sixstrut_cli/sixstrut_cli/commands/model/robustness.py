@@ -169,13 +169,13 @@ def _roll_on(
     from sim_core.dynamics.actuators import IDEAL, STAND_IN, load_actuators
     from sim_core.dynamics.model import build_model
     from sim_core.errors import LibraryError
-    from sim_core.studies.chain_study import chain_study
     from sim_core.studies.dask_runner import runner_of
     from tensegrity_lab.reports.markdown import write_into
     from tensegrity_lab.terminal.progress import bars
 
     import_checkout()
     from tests.studies.chain_report import chains_document, chains_text
+    from tests.studies.chain_study import chain_study
     from tests.studies.pace_bound import pace_bounds
 
     if not shelf.cycles:
