@@ -24,9 +24,9 @@ LOOK_S = 0.02
 """Between looks at the faces."""
 UNSURE_S = 1.0
 """What is unsure at rest for so long stays so."""
-LIES_RAD, TUMBLES_RAD_S = 0.087, 2.0
-"""In motion, a robot that is farther from lying on a face (5 degrees) may be balancing on an edge of it; one that turns faster is
-passing it by."""
+LIES_RAD, BALANCES_M, TUMBLES_RAD_S = 0.087, 0.006, 2.0
+"""In motion, a robot that is farther from lying on a face (5 degrees), or whose centre of mass is not so far inside it, may be
+balancing on an edge of it; one that turns faster is passing it by."""
 NONE_PRIOR = 0.01
 """Of resting on no face."""
 LEAST_PRIOR = 0.005
@@ -248,7 +248,9 @@ class FaceWatch:
         if self.known and face != self.known and not self._moved:
             why = f"it stood on {self.known} and stands on {face}, though no strut was driven{_SLIPPED}"
             return self._doubted(why) if settled else None
-        tumbles = self.residual_rad > LIES_RAD or np.linalg.norm(self._last[:3]) > TUMBLES_RAD_S
+        down, place = self._state[f.DOWN : f.DOWN + 3], NAMES.index(face)
+        balances = f.inside_m(self._shape.corners_m[place], self._shape.normals[place], down) < BALANCES_M
+        tumbles = balances or self.residual_rad > LIES_RAD or np.linalg.norm(self._last[:3]) > TUMBLES_RAD_S
         if not settled and (self._state[f.SLOPE_KNOWN] == 0.0 or face == self.known or tumbles):
             return None
         if self._before not in ("", face) and _prior(self._before, moved=True)[NAMES.index(face)] < LEAST_PRIOR:
