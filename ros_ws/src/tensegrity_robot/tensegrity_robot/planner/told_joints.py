@@ -9,6 +9,7 @@ from geometry_msgs.msg import PoseArray
 from rclpy.node import Node
 
 from sim_core.structure.arrays import Array
+from sim_core.structure.rotations import about_z
 from sim_core.twin.live_bridge import FRESH_S, is_fresh
 from tensegrity_interfaces.msg import FaceEstimate
 from tensegrity_robot.ros import topics
@@ -45,9 +46,9 @@ class ToldJoints:
         heard_s, joints = told
         if self._ahead_rad != self._used_rad:
             center = joints.mean(axis=0)
-            self._shift_m += (_about_z(self._used_rad) - _about_z(self._ahead_rad)) @ center
+            self._shift_m += (about_z(self._used_rad) - about_z(self._ahead_rad)) @ center
             self._used_rad = self._ahead_rad
-        self._predicted = heard_s, joints @ _about_z(self._used_rad).T + self._shift_m
+        self._predicted = heard_s, joints @ about_z(self._used_rad).T + self._shift_m
 
     def feel(self, message: FaceEstimate) -> None:
         """An inertial sensor tells how far the twin's heading is off."""
@@ -58,8 +59,3 @@ class ToldJoints:
         if not is_fresh(message.header.stamp, self._node.get_clock().now().nanoseconds):
             return None  # of a recording
         return time.monotonic(), np.array([(p.position.x, p.position.y, p.position.z) for p in message.poses[:12]])
-
-
-def _about_z(angle_rad: float) -> Array:
-    cosine, sine = math.cos(angle_rad), math.sin(angle_rad)
-    return np.array(((cosine, -sine, 0.0), (sine, cosine, 0.0), (0.0, 0.0, 1.0)))

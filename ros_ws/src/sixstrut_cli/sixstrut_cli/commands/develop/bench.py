@@ -49,7 +49,7 @@ def command(
     if imu:
         if stack or library is not None or output is not None or prototype is not None:
             raise typer.BadParameter("it writes no file and measures nothing else: leave the others out", param_hint="--imu")
-        _tell_faces(600 if quick else 30_000, threads, results_page("imu.md") if page else None, as_json)
+        _tell_faces(quick, threads, results_page("imu.md") if page else None, as_json)
         return
     name = "rolling_on.md" if library else "benchmark_stack.md" if stack else "benchmark.md"
     path = results_page(name) if page else output_folder("bench", output) / name
@@ -107,17 +107,23 @@ def _tell(report: Any, result: Any, path: Path, as_json: bool) -> None:
     wrote(path, report.draw(result, picture), err=True)
 
 
-def _tell_faces(rolls: int, threads: int | None, page: Path | None, as_json: bool) -> None:
+def _tell_faces(quick: bool, threads: int | None, page: Path | None, as_json: bool) -> None:
     from tensegrity_lab.reports.markdown import write_into
-    from tests.benchmarks.imu import measure
+    from tests.benchmarks.imu import faults, measure
 
-    cores = threads or min(2, os.cpu_count() or 1)
+    cores, rolls = threads or min(2, os.cpu_count() or 1), 600 if quick else 30_000
     _say(f"some {rolls} rolls; 600 take a minute on two processors; Ctrl-C leaves at any time, then nothing is written")
     found = measure.measured(rolls, cores, 1, _say)
-    typer.echo(json.dumps(measure.document_of(found)) if as_json else measure.text_of(found))
+    if as_json:
+        typer.echo(json.dumps(measure.document_of(found)))
+        return
+    typer.echo(measure.text_of(found))
+    spoilt = faults.tables(*((10, 10) if quick else (200, 200)), cores, 1)
+    typer.echo(f"\n{spoilt}")
     if page:
         write_into(page, "imu", measure.text_of(found))
-        wrote(page, err=as_json)
+        write_into(page, "imu faults", spoilt)
+        wrote(page)
 
 
 def _in_mujoco(name: str, robots: int, threads: int | None, page: Path | None, as_json: bool, prototype: Path | None) -> None:
