@@ -251,9 +251,12 @@ def test_export_writes_over_its_own_kind_alone(kind, root, tmp_path, library, ca
         assert Path(arguments[1]).read_bytes() == before
 
 
-def test_the_kinds_of_files_are_told_apart():
+def test_the_kinds_of_files_are_told_apart(tmp_path):
     from importlib.resources import files
 
+    import numpy as np
+
+    from sim_core.sensing.mounting import Mounting, mounting_text
     from sixstrut_cli.outputs import KINDS, kind_of
 
     shipped = {
@@ -266,7 +269,10 @@ def test_the_kinds_of_files_are_told_apart():
     for name, kind in shipped.items():
         assert kind_of(files("sim_core") / "data" / name) == kind
     assert kind_of(files("hardware_bridge") / "data" / "calibration_default.yaml") == "calibration"
-    assert set(shipped.values()) | {"calibration", "ensemble"} == set(KINDS)
+    mounting = tmp_path / "mounting.yaml"
+    mounting.write_text(mounting_text(Mounting(np.eye(3), {"TC6": 0.01})), encoding="utf-8")
+    assert kind_of(mounting) == "mounting"
+    assert set(shipped.values()) | {"calibration", "ensemble", "mounting"} == set(KINDS)
 
 
 @pytest.mark.parametrize(

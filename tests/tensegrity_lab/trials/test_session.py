@@ -45,6 +45,9 @@ class Imagined:
     def trouble(self):
         return self.problem
 
+    def compare(self, face):
+        return ""
+
     def wait_for_rest(self):
         return self.face
 

@@ -243,7 +243,7 @@ def test_chains_that_nobody_observes_are_refused_before_anything_starts(words, t
     cycles = ("--library", "continuous", "--primitives", "C1", "--gaits", "TC6-TO5-TC3")
     result = sixstrut("trial", str(tmp_path / "s"), *cycles, *words)
     assert result.returncode == 1
-    assert "chains are judged by an observer" in result.stderr
+    assert "here a person judges: choose primitives" in result.stderr
     assert len(result.stderr.strip().splitlines()) == 1
     assert not (tmp_path / "s").exists()
 

@@ -27,6 +27,9 @@ class ChainArea:
         self._floor = Floor(build_model(prototype)) if self._area is not None else None
         self._rolling = NO_SHIFT
         self._joints = ToldJoints(node)
+        topics.TWIN_JOINTS.subscribe(node, self._joints.predict)
+        topics.OBSERVED_JOINTS.subscribe(node, self._joints.see)
+        topics.FACE_ESTIMATE.subscribe(node, self._joints.feel)
         self._told = topics.KEEP_IN.publisher(node)
         message = PolygonStamped(header=Header(stamp=node.get_clock().now().to_msg(), frame_id=frame_prefix(node) + "odom"))
         corners = self._area.corners_m if self._area is not None else np.zeros((0, 2))

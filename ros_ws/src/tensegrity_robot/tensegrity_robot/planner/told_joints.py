@@ -12,11 +12,10 @@ from sim_core.structure.arrays import Array
 from sim_core.structure.rotations import about_z
 from sim_core.twin.live_bridge import FRESH_S, is_fresh
 from tensegrity_interfaces.msg import FaceEstimate
-from tensegrity_robot.ros import topics
 
 
 class ToldJoints:
-    """What a node hears of them: observed joints, the twin's, and how far its heading is off."""
+    """What a node hears of them: `see` is told observed joints, `predict` the twin's, `feel` how far the twin's heading is off."""
 
     def __init__(self, node: Node):
         self._node = node
@@ -24,9 +23,6 @@ class ToldJoints:
         self._shift_m = np.zeros(3)
         self._seen: tuple[float, Array] | None = None
         self._predicted: tuple[float, Array] | None = None
-        topics.TWIN_JOINTS.subscribe(node, self.predict)
-        topics.OBSERVED_JOINTS.subscribe(node, self.see)
-        topics.FACE_ESTIMATE.subscribe(node, self.feel)
 
     def newest(self, watched: bool, since: float = 0.0) -> Array | None:
         """The twelve joints, (12, 3): if `watched` as seen, else predicted; told after `since` (time.monotonic), and lately."""
