@@ -41,6 +41,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, end)
+    imu: ImuLine | None = None
     try:
         body = _body(options)
         calibration = replace(load_calibration(), mid_stroke_length_m=body.mid_stroke_length_m)
@@ -48,9 +49,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             return 0
         settings = ControlCenter(options.maestro_home, options.maestro_timeout)
         board = emulate(options.board, options.baud, settings)
-        imu = None if options.imu is None else ImuLine(imu_path(options.link), body.sensor(options.seed), options.time_scale)
+        if options.imu is not None:
+            imu = ImuLine(imu_path(options.link), body.sensor(options.seed), options.time_scale)
         prototype = VirtualPrototype(options.link, body, calibration, board, options.time_scale, imu)
     except (BridgeError, SimError) as error:
+        if imu is not None:
+            imu.close()
         print(error, file=sys.stderr)
         return 1
     try:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """When an inertial sensor's word about the face may be taken: never from a sensor that is frozen, late, gone or turned.
 
-Struts, or a person, move the robot; nothing else does. So a face that changes while no strut was driven, a face that is not beside
+Struts, or a person, move the robot; nothing else does. So a face that changes while no strut was driven, a face that is far from
 the one before, and a motion of the struts of which the sensor shows nothing are signs of a fault: then the face is unknown until
 somebody says it, and the sensor agrees.
 """

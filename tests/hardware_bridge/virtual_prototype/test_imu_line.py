@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The inertial sensor of a virtual prototype, at its own port: what it sends, and how it fails."""
 
+import subprocess
+import sys
 from contextlib import closing
 
 import numpy as np
@@ -68,3 +70,12 @@ def test_without_one_its_faults_are_refused():
         with pytest.raises(PrototypeError, match="start the prototype with --imu"):
             inject(link, "imu_frozen")
         assert not imu_path(link).exists()
+
+
+def test_a_prototype_that_cannot_start_leaves_no_port_of_its_sensor(tmp_path):
+    (tmp_path / "prototype").write_text("somebody's file", encoding="utf-8")
+    words = [sys.executable, "-m", "hardware_bridge.virtual_prototype", "--link", str(tmp_path / "prototype"), "--imu", "wt901"]
+    told = subprocess.run(words, capture_output=True, text=True, timeout=60, check=False)
+    assert told.returncode == 1
+    assert "is no link of ours" in told.stderr
+    assert not imu_path(tmp_path / "prototype").is_symlink()

@@ -84,7 +84,7 @@ class FeltFaces:
         first = next((i for i, pair in enumerate(zip(self.now, self.then, strict=False)) if pair[0] != pair[1]), None)
         first = min(len(self.now), len(self.then)) if first is None else first
         parted = f"they part at number {first + 1}: {_nth(self.now, first)}, then {_nth(self.then, first)}"
-        return f"{count} {len(self.now)} faces, then it were {len(self.then)}; {parted}"
+        return f"{count} {len(self.now)} faces, then there were {len(self.then)}; {parted}"
 
 
 def _nth(said: list[Said], number: int) -> str:

@@ -68,12 +68,12 @@ def fitted(felt: Mapping[str, Array], prototype_file: str | None = None) -> Moun
 def virtual_mounting(file: Path, seed: int, perturbation: float, tell: Callable[[str], None] = lambda line: None) -> Mounting:
     """That of a virtual prototype's sensor, put on each face anew on level ground; written into the file. Raises StackError."""
     felt = {}
-    for face in FACES:
-        tell(f"feeling the inertial sensor of the virtual prototype on {face}")
-        robot = {"imu": "wt901", "face": face, "seed": seed, "perturbation": perturbation}
-        with practice_prototype(VIRTUAL_TIME_SCALE, more=robot) as link, closing(SensorPort(str(imu_path(link)))) as port:
-            felt[face] = felt_up(port, 1.0)
     try:
+        for face in FACES:
+            tell(f"feeling the inertial sensor of the virtual prototype on {face}")
+            robot = {"imu": "wt901", "face": face, "seed": seed, "perturbation": perturbation}
+            with practice_prototype(VIRTUAL_TIME_SCALE, more=robot) as link, closing(SensorPort(str(imu_path(link)))) as port:
+                felt[face] = felt_up(port, 1.0)
         mounting = fitted(felt)
     except (ParameterError, LinkLost) as error:
         raise StackError(f"its inertial sensor cannot be used: {error}") from error

@@ -114,16 +114,15 @@ def _tell_faces(quick: bool, threads: int | None, page: Path | None, as_json: bo
     cores, rolls = threads or min(2, os.cpu_count() or 1), 600 if quick else 30_000
     _say(f"some {rolls} rolls; 600 take a minute on two processors; Ctrl-C leaves at any time, then nothing is written")
     found = measure.measured(rolls, cores, 1, _say)
-    if as_json:
-        typer.echo(json.dumps(measure.document_of(found)))
+    typer.echo(json.dumps(measure.document_of(found)) if as_json else measure.text_of(found))
+    if as_json and page is None:
         return
-    typer.echo(measure.text_of(found))
     spoilt = faults.tables(*((10, 10) if quick else (200, 200)), cores, 1)
-    typer.echo(f"\n{spoilt}")
+    typer.echo(f"\n{spoilt}", err=as_json)
     if page:
         write_into(page, "imu", measure.text_of(found))
         write_into(page, "imu faults", spoilt)
-        wrote(page)
+        wrote(page, err=as_json)
 
 
 def _in_mujoco(name: str, robots: int, threads: int | None, page: Path | None, as_json: bool, prototype: Path | None) -> None:
